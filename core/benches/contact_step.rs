@@ -1,0 +1,122 @@
+//! Each stage of the method, and the whole step from a reported contact to the next candidate, at
+//! several numbers of attractors and vertices. Run with `cargo bench -p palpate-core`.
+
+use std::hint::black_box;
+
+use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
+use palpate_core::attractor::{Attractor, Sense};
+use palpate_core::config::{Config, Settings};
+use palpate_core::deformation::{self, ThinPlate};
+use palpate_core::evidence::{Attempt, Contact, ContactDetail, Evidence, Outcome, VisualPrior, Wrench};
+use palpate_core::exploration::Request;
+use palpate_core::geometry::{Icosphere, Point, Pose, SurfaceIndex, Vector};
+use palpate_core::reconstruction::Reconstruction;
+use palpate_core::template;
+use palpate_core::uncertainty;
+
+const SIZES: [(usize, u32); 4] = [(250, 4), (500, 4), (1000, 4), (250, 5)];
+const SEEN: usize = 200;
+
+/// Points of a box-like body, the first `SEEN` of them on a patch towards the camera.
+fn attractors(count: usize) -> Vec<Attractor> {
+    let mut directions = Icosphere::get(5).directions.clone();
+    directions.sort_by(|a, b| b.x.total_cmp(&a.x));
+    let unseen = directions.len() - 1200;
+    let seen = (0..SEEN).map(|i| (directions[6 * i], Sense::Vision));
+    let touched = (0..count - SEEN).map(|i| (directions[1200 + (i * 7919) % unseen], Sense::Touch));
+    let on_body = |d: &Vector| {
+        let gauge = ((d.x / 0.03).powi(4) + (d.y / 0.045).powi(4) + (d.z / 0.08).powi(4)).powf(0.25);
+        Point::from(d / gauge)
+    };
+    seen.chain(touched)
+        .map(|(direction, sense)| Attractor { point: on_body(&direction), uncertainty: 0.1, sense })
+        .collect()
+}
+
+fn contact(attractor: &Attractor) -> Evidence {
+    let pose = Pose::from(attractor.point);
+    let detail = ContactDetail { uncertainty: Some(attractor.uncertainty), ..ContactDetail::default() };
+    let contact = Contact::new(pose, Wrench::default(), 0.009, detail).expect("a sound contact");
+    Evidence::Attempt(Attempt { target: None, outcome: Outcome::Contact(contact) })
+}
+
+/// A session with all of the attractors but the last, which is returned as evidence.
+fn session(attractors: &[Attractor], subdivisions: u32) -> (Reconstruction, Evidence) {
+    let settings = Settings { icosphere_subdivisions: subdivisions, ..Settings::default() };
+    let mut state = Reconstruction::new(Config::new(settings).expect("valid settings"));
+    let (last, rest) = attractors.split_last().expect("attractors");
+    let of = |sense| rest.iter().filter(move |a| a.sense == sense);
+    let seen = of(Sense::Vision).map(|a| a.point).collect();
+    let prior = VisualPrior::new(seen, None, Some(Point::new(0.6, 0.1, 0.2))).expect("a sound prior");
+    state = state.absorb(&Evidence::VisualPrior(prior)).expect("absorbed").0;
+    // Touches that come as a cloud cost one fit instead of hundreds; the system is the same.
+    let touched: Vec<Point> = of(Sense::Touch).map(|a| a.point).collect();
+    if touched.len() >= 4 {
+        let prior = VisualPrior::new(touched, Some(0.1), None).expect("a sound prior");
+        state = state.absorb(&Evidence::VisualPrior(prior)).expect("absorbed").0;
+    }
+    (state, contact(last))
+}
+
+fn whole_step(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("contact_step");
+    group.sample_size(20);
+    for (count, subdivisions) in SIZES {
+        let (state, evidence) = session(&attractors(count), subdivisions);
+        let vertices = Icosphere::get(subdivisions as usize).directions.len();
+        group.bench_function(BenchmarkId::from_parameter(format!("{count}x{vertices}")), |bencher| {
+            bencher.iter(|| {
+                let (next, _) = state.absorb(black_box(&evidence)).expect("absorbed");
+                next.propose(&Request { top_k: 1, keep_out: Vec::new() })
+            });
+        });
+    }
+}
+
+fn stages(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("stage");
+    group.sample_size(20);
+    for (count, subdivisions) in SIZES {
+        let attractors = attractors(count);
+        let sphere = Icosphere::get(subdivisions as usize);
+        let size = format!("{count}x{}", sphere.directions.len());
+        let viewpoint = Some(Point::new(0.6, 0.1, 0.2));
+        let start = template::initial(&attractors, viewpoint.as_ref());
+        let cold = template::fit(&attractors, viewpoint.as_ref(), &start, false);
+        let global = cold.shape.mesh(sphere);
+        let normals = global.vertex_normals();
+        let index = SurfaceIndex::new(&global).expect("a mesh");
+        let projections = deformation::project(&global, &index, &attractors);
+        let (plate, _) = ThinPlate::fit(&projections);
+        let mesh = plate.displace(&global, &normals);
+        let (state, evidence) = session(&attractors, subdivisions);
+        let (state, _) = state.absorb(&evidence).expect("absorbed");
+        let mut bench = |name: &str, run: &mut dyn FnMut()| {
+            group.bench_function(BenchmarkId::new(name, &size), |bencher| bencher.iter(&mut *run));
+        };
+        bench("template_warm", &mut || {
+            black_box(template::fit(&attractors, viewpoint.as_ref(), &cold.shape, true));
+        });
+        bench("index", &mut || {
+            black_box(SurfaceIndex::new(&global));
+        });
+        bench("project", &mut || {
+            black_box(deformation::project(&global, &index, &attractors));
+        });
+        bench("plate_fit", &mut || {
+            black_box(ThinPlate::fit(&projections));
+        });
+        bench("plate_displace", &mut || {
+            black_box(plate.displace(&global, &normals));
+        });
+        bench("uncertainty", &mut || {
+            black_box(uncertainty::propagate(sphere, &mesh.vertices, &attractors, 5, 0.02));
+        });
+        bench("propose", &mut || {
+            black_box(state.propose(&Request { top_k: 1, keep_out: Vec::new() }));
+        });
+    }
+}
+
+criterion_group!(benches, whole_step, stages);
+criterion_main!(benches);

@@ -1,0 +1,176 @@
+//! The parameters of the method: every number that the paper leaves to the experimenter.
+
+use std::ops::Deref;
+
+use crate::error::FieldError;
+use crate::geometry::MAX_SUBDIVISIONS;
+
+/// Which reading of the method reconstructs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Method {
+    /// The paper's stages, faithful and comparable.
+    #[default]
+    Paper,
+}
+
+/// How the next contact is chosen.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Strategy {
+    /// Cautious, depth first, from the frontier of what is known (Section III-G, Eq. (3)).
+    #[default]
+    Proactive,
+    /// The vertex of highest uncertainty: the paper's baseline, minU.
+    MinUncertainty,
+    /// Directions spread evenly over the sphere before the first touch.
+    Uniform,
+    /// Any point of the surface, by area.
+    Random,
+}
+
+/// When a session should end; a rule that is `None` never ends it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StopRule {
+    /// Attempts, failures included.
+    pub max_attempts: Option<u32>,
+    /// Mean vertex uncertainty in [0, 1] below which the object counts as covered.
+    pub mean_uncertainty_below: Option<f64>,
+    /// Failures in a row after which the exploration counts as stalled.
+    pub max_consecutive_failures: Option<u32>,
+}
+
+/// Parameters as a caller writes them; [`Config::new`] checks them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// Which reading of the method reconstructs.
+    pub method: Method,
+    /// How the next contact is chosen.
+    pub strategy: Strategy,
+    /// Weight of the mean geodesic distance, `a_G` of Eq. (3).
+    pub alpha_geodesic: f64,
+    /// Weight of the vertex uncertainty, `a_U` of Eq. (3).
+    pub alpha_uncertainty: f64,
+    /// A vertex at or below this uncertainty is confident, `u'_max` of Eq. (3).
+    pub confident_max: f64,
+    /// A candidate has at least this uncertainty, `u'_min` of Eq. (3).
+    pub candidate_min: f64,
+    /// Uncertainty of a visual attractor (Section IV-C).
+    pub visual_uncertainty: f64,
+    /// Uncertainty of a contact at the rim of the pad, `u_max` of Eq. (1).
+    pub tactile_u_max: f64,
+    /// How far an attractor's uncertainty spreads, in edges of the mesh with 2562 vertices.
+    pub propagation_hops: u32,
+    /// Length over which confidence halves, in metres.
+    pub propagation_length_m: f64,
+    /// The probe travels from this far outside the estimate to this far inside, in metres: `d`.
+    pub probe_half_travel_m: f64,
+    /// A touch further than this from its candidate counts as a failure, in metres (Section IV-B).
+    pub failure_distance_m: f64,
+    /// Subdivisions of the icosahedron: 4 gives 2562 vertices.
+    pub icosphere_subdivisions: u32,
+    /// Seed of everything random: ties, the uniform and the random strategy.
+    pub seed: u64,
+    /// When to stop.
+    pub stop: StopRule,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            method: Method::Paper,
+            strategy: Strategy::Proactive,
+            alpha_geodesic: 1.0,
+            alpha_uncertainty: 1.0,
+            confident_max: 0.6,
+            candidate_min: 0.5,
+            visual_uncertainty: 0.4,
+            tactile_u_max: 0.2,
+            propagation_hops: 5,
+            propagation_length_m: 0.020,
+            probe_half_travel_m: 0.015,
+            failure_distance_m: 0.015,
+            icosphere_subdivisions: 4,
+            seed: 0,
+            stop: StopRule::default(),
+        }
+    }
+}
+
+/// Parameters that have been checked.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Config(Settings);
+
+impl Config {
+    /// Checks every parameter against its range.
+    ///
+    /// # Errors
+    /// The first field that is out of its range, with the range.
+    pub fn new(settings: Settings) -> Result<Self, FieldError> {
+        let unit = 0.0..=1.0;
+        let length = 1e-4..=1.0;
+        let weight = 0.0..=1e3;
+        for (field, value, range) in [
+            ("alpha_geodesic", settings.alpha_geodesic, &weight),
+            ("alpha_uncertainty", settings.alpha_uncertainty, &weight),
+            ("confident_max", settings.confident_max, &unit),
+            ("candidate_min", settings.candidate_min, &unit),
+            ("visual_uncertainty", settings.visual_uncertainty, &unit),
+            ("tactile_u_max", settings.tactile_u_max, &unit),
+            ("propagation_length_m", settings.propagation_length_m, &length),
+            ("probe_half_travel_m", settings.probe_half_travel_m, &length),
+            ("failure_distance_m", settings.failure_distance_m, &length),
+            ("stop.mean_uncertainty_below", settings.stop.mean_uncertainty_below.unwrap_or(0.0), &unit),
+        ] {
+            if !range.contains(&value) {
+                let (low, high) = (range.start(), range.end());
+                let reason = format!("{value} is not between {low} and {high}");
+                return Err(FieldError { field, reason, non_finite: !value.is_finite() });
+            }
+        }
+        if !(1..=50).contains(&settings.propagation_hops) {
+            return Err(FieldError::invalid("propagation_hops", "must be between 1 and 50 edges"));
+        }
+        let subdivisions = settings.icosphere_subdivisions;
+        if !(2..MAX_SUBDIVISIONS as u32).contains(&subdivisions) {
+            let reason = format!("{subdivisions} is not between 2 (162 vertices) and 5 (10,242 vertices)");
+            return Err(FieldError::invalid("icosphere_subdivisions", reason));
+        }
+        Ok(Self(settings))
+    }
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Self(Settings::default())
+    }
+}
+
+impl Deref for Config {
+    type Target = Settings;
+
+    fn deref(&self) -> &Settings {
+        &self.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn defaults_are_valid() {
+        assert!(Config::new(Settings::default()).is_ok());
+    }
+
+    #[test]
+    fn a_value_out_of_range_is_named_with_its_range() {
+        let error = Config::new(Settings { confident_max: 1.5, ..Settings::default() }).unwrap_err();
+        assert_eq!(error.to_string(), "confident_max: 1.5 is not between 0 and 1");
+    }
+
+    #[test]
+    fn nan_is_refused() {
+        let settings = Settings { propagation_length_m: f64::NAN, ..Settings::default() };
+        let error = Config::new(settings).unwrap_err();
+        assert_eq!((error.field, error.non_finite), ("propagation_length_m", true));
+    }
+}

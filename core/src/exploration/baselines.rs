@@ -1,0 +1,92 @@
+//! What the proactive strategy is compared with: the paper's own baseline and the two that the
+//! literature uses. None of them avoids a place that has failed.
+
+use rand::RngExt;
+use rand::seq::SliceRandom;
+
+use super::{Excluded, Ranked, Ranking, ScoreTerm, View};
+use crate::geometry::Vector;
+use crate::rng::{Use, generator};
+
+/// Directions of the uniform strategy where no budget of attempts is configured.
+const DIRECTIONS: u32 = 50;
+
+/// The vertex of the highest uncertainty; ties by the seeded generator (Section IV-B, minU).
+pub(super) fn min_uncertainty(view: &View<'_>, reachable: &[u32]) -> Ranking {
+    let mut order = reachable.to_vec();
+    order.shuffle(&mut generator(view.config.seed, Use::Ties, view.ledger.tallies.attempts));
+    by_value(
+        order,
+        "uncertainty",
+        |vertex| view.uncertainty[vertex as usize],
+        |value| format!("uncertainty {value:.2}, the highest of the surface"),
+    )
+}
+
+/// Evenly spread directions from the template's centre, fixed before the first touch.
+pub(super) fn uniform(view: &View<'_>, reachable: &[u32]) -> Ranking {
+    let count = view.config.stop.max_attempts.unwrap_or(DIRECTIONS).max(1);
+    let mut order: Vec<u32> = (0..count).collect();
+    order.shuffle(&mut generator(view.config.seed, Use::Directions, 0));
+    let turn = view.ledger.tallies.attempts % count;
+    let direction = fibonacci_direction(order[turn as usize], count);
+    by_value(
+        reachable.to_vec(),
+        "alignment",
+        |vertex| {
+            let offset = view.mesh.vertices[vertex as usize] - view.centre;
+            offset.try_normalize(0.0).map_or(-1.0, |towards| towards.dot(&direction))
+        },
+        |_| format!("direction {} of {count} spread evenly over the sphere", turn + 1),
+    )
+}
+
+/// Any point of the surface, by area.
+pub(super) fn random(view: &View<'_>, reachable: &[u32]) -> Ranking {
+    let mut random = generator(view.config.seed, Use::Picks, view.ledger.tallies.attempts);
+    let mut area = vec![0.0; view.mesh.vertices.len()];
+    for (face, corners) in view.mesh.faces.iter().enumerate() {
+        let share = view.mesh.area_normal(face).norm() / 6.0;
+        for &vertex in corners {
+            area[vertex as usize] += share;
+        }
+    }
+    // The largest of u^(1/area) is a draw weighted by area, and so is each that follows it.
+    let draws: Vec<f64> = area
+        .iter()
+        .map(|area| random.random::<f64>().powf(area.max(f64::MIN_POSITIVE).recip().min(1e12)))
+        .collect();
+    by_value(
+        reachable.to_vec(),
+        "draw",
+        |vertex| draws[vertex as usize],
+        |_| "drawn at random, by area".into(),
+    )
+}
+
+/// The unit direction `index` of `count` on a Fibonacci lattice.
+fn fibonacci_direction(index: u32, count: u32) -> Vector {
+    let z = 1.0 - (2.0 * f64::from(index) + 1.0) / f64::from(count);
+    let golden_angle = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
+    let (sin, cos) = (golden_angle * f64::from(index)).sin_cos();
+    let radius = (1.0 - z * z).sqrt();
+    Vector::new(radius * cos, radius * sin, z)
+}
+
+/// Ranks vertices by one value, the highest first; equal values keep the order that is given.
+fn by_value(
+    vertices: Vec<u32>,
+    term: &'static str,
+    value: impl Fn(u32) -> f64,
+    why: impl Fn(f64) -> String,
+) -> Ranking {
+    let mut ranked: Vec<Ranked> = vertices
+        .into_iter()
+        .map(|vertex| {
+            let value = value(vertex);
+            Ranked { vertex, terms: vec![ScoreTerm { term, weight: 1.0, value }], why: why(value) }
+        })
+        .collect();
+    ranked.sort_by(|a, b| b.score().total_cmp(&a.score()));
+    Ranking { ranked, relaxed: false, excluded: Excluded::default() }
+}

@@ -1,0 +1,20 @@
+//! Triangle meshes and what is asked of them: the shapes that every stage of the method shares.
+//!
+//! Points and vectors are `f64`, in metres, in the session's frame unless a name says otherwise.
+
+mod icosphere;
+mod mesh;
+mod surface_index;
+
+pub use icosphere::{Icosphere, MAX_SUBDIVISIONS};
+pub use mesh::TriangleMesh;
+pub use surface_index::{ClosestPoint, RayHit, SurfaceIndex};
+
+/// A point, in metres.
+pub type Point = nalgebra::Point3<f64>;
+/// A free vector.
+pub type Vector = nalgebra::Vector3<f64>;
+/// A direction of length one.
+pub type Direction = nalgebra::Unit<Vector>;
+/// A rigid motion, `target_from_source`.
+pub type Pose = nalgebra::Isometry3<f64>;

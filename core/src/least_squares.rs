@@ -1,0 +1,109 @@
+//! Levenberg-Marquardt for a handful of parameters on a manifold.
+//!
+//! The damping is a multiple of the identity, not of the diagonal: a rotation of the data then
+//! rotates every step with it.
+
+use nalgebra::{SMatrix, SVector};
+
+/// The normal equations of a least-squares cost `0.5 * |r|²` at one set of parameters.
+#[derive(Clone, Debug)]
+pub(crate) struct NormalEquations<const N: usize> {
+    /// `0.5 * |r|²`.
+    pub cost: f64,
+    /// `Jᵀ r`.
+    pub gradient: SVector<f64, N>,
+    /// `Jᵀ J`.
+    pub hessian: SMatrix<f64, N, N>,
+}
+
+impl<const N: usize> NormalEquations<N> {
+    /// No residual yet.
+    pub(crate) fn zero() -> Self {
+        Self { cost: 0.0, gradient: SVector::zeros(), hessian: SMatrix::zeros() }
+    }
+
+    /// Adds one residual and its row of the Jacobian.
+    pub(crate) fn add(&mut self, residual: f64, row: &SVector<f64, N>) {
+        self.cost += 0.5 * residual * residual;
+        self.gradient.axpy(residual, row, 1.0);
+        self.hessian.ger(1.0, row, row, 1.0);
+    }
+}
+
+/// How a minimisation went.
+#[derive(Clone, Debug)]
+pub(crate) struct Minimum<T> {
+    /// The parameters found.
+    pub parameters: T,
+    /// `0.5 * |r|²` there.
+    pub cost: f64,
+    /// Steps tried.
+    pub iterations: usize,
+    /// Whether the cost stopped falling before the iterations ran out.
+    pub converged: bool,
+}
+
+const RELATIVE_DECREASE: f64 = 1e-9;
+const DAMPING: f64 = 1e-3;
+
+/// Minimises a sum of squares from `start` in at most `max_iterations` steps.
+///
+/// `linearise` gives the normal equations at a set of parameters, `retract` applies a step to it.
+pub(crate) fn minimise<T: Clone, const N: usize>(
+    start: T,
+    max_iterations: usize,
+    linearise: impl Fn(&T) -> NormalEquations<N>,
+    retract: impl Fn(&T, &SVector<f64, N>) -> T,
+) -> Minimum<T> {
+    let mut parameters = start;
+    let mut here = linearise(&parameters);
+    let mut damping = DAMPING;
+    for iteration in 1..=max_iterations {
+        let ended = |parameters, cost| Minimum { parameters, cost, iterations: iteration, converged: true };
+        let damped = here.hessian + SMatrix::identity() * damping;
+        let Some(step) = damped.cholesky().map(|factor| -factor.solve(&here.gradient)) else {
+            damping *= 4.0;
+            continue;
+        };
+        let trial = retract(&parameters, &step);
+        let there = linearise(&trial);
+        if there.cost < here.cost {
+            let decrease = (here.cost - there.cost) / here.cost;
+            parameters = trial;
+            here = there;
+            damping = (damping * 0.3).max(1e-12);
+            if decrease < RELATIVE_DECREASE {
+                return ended(parameters, here.cost);
+            }
+        } else {
+            // Not lower, or not a number: a shorter step, unless there was nothing to gain.
+            if -here.gradient.dot(&step) <= RELATIVE_DECREASE * here.cost {
+                return ended(parameters, here.cost);
+            }
+            damping *= 4.0;
+        }
+    }
+    Minimum { parameters, cost: here.cost, iterations: max_iterations, converged: false }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_rosenbrock_valley_is_followed_to_its_end() {
+        let minimum = minimise(
+            SVector::<f64, 2>::new(-1.2, 1.0),
+            200,
+            |p| {
+                let mut equations = NormalEquations::zero();
+                equations.add(10.0 * (p[1] - p[0] * p[0]), &SVector::<f64, 2>::new(-20.0 * p[0], 10.0));
+                equations.add(1.0 - p[0], &SVector::<f64, 2>::new(-1.0, 0.0));
+                equations
+            },
+            |p, step| p + step,
+        );
+        assert!(minimum.converged);
+        assert!((minimum.parameters - SVector::<f64, 2>::new(1.0, 1.0)).norm() < 1e-6);
+    }
+}

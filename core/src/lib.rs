@@ -1,0 +1,27 @@
+//! Shape reconstruction from touch: the method, as pure functions of its evidence.
+//!
+//! A robot sees a small patch of an unknown object and touches the rest. [`reconstruction`] is the
+//! whole method on one page; every idea that it calls is a module of that idea's name. The method
+//! is that of Oikonomou, Retsinas, Maragos and Tzafestas, "Proactive tactile exploration for
+//! object-agnostic shape reconstruction from minimal visual priors"; sections and equations cited
+//! here are the paper's.
+//!
+//! Nothing here does IO, reads a clock, logs, waits or draws randomness that is not in the
+//! configuration. Lengths are in metres, numbers are `f64`, and points are in the session's frame.
+
+pub mod attractor;
+pub mod config;
+pub mod deformation;
+pub mod error;
+pub mod evidence;
+pub mod exploration;
+pub mod geodesic;
+pub mod geometry;
+mod least_squares;
+pub mod ledger;
+pub mod metrics;
+pub mod reconstruction;
+mod rng;
+mod summary;
+pub mod template;
+pub mod uncertainty;

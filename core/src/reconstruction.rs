@@ -1,0 +1,193 @@
+//! The whole method on one page: evidence in, a surface with its uncertainty out, and the next
+//! place to touch.
+//!
+//! The state is a fold over the evidence and nothing else: the same evidence in the same order
+//! gives the same bits.
+
+use crate::config::Config;
+use crate::deformation::{self, PlateReport, ThinPlate};
+use crate::error::Error;
+use crate::evidence::Evidence;
+use crate::exploration::{self, Proposal, Request, View};
+use crate::geometry::{Direction, Icosphere, SurfaceIndex, TriangleMesh};
+use crate::ledger::Ledger;
+pub use crate::summary::{Stats, StopReason};
+use crate::template::{self, TemplateFit};
+use crate::uncertainty;
+
+/// Changes with every change of a result: a stored state hash holds for one version only.
+pub const ALGORITHM_VERSION: &str = "1";
+
+/// A session's state: its evidence, and the estimate that follows from it.
+#[derive(Clone, Debug)]
+pub struct Reconstruction {
+    config: Config,
+    ledger: Ledger,
+    estimate: Option<Estimate>,
+}
+
+/// What the evidence says about the object.
+#[derive(Clone, Debug)]
+pub struct Estimate {
+    /// The fitted template.
+    pub template: TemplateFit,
+    /// How the local deformation went.
+    pub plate: PlateReport,
+    /// The surface.
+    pub surface: Surface,
+    normals: Vec<Direction>,
+}
+
+/// A mesh with its uncertainty.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Surface {
+    /// The mesh, in metres.
+    pub mesh: TriangleMesh,
+    /// Uncertainty of each vertex, in [0, 1].
+    pub uncertainty: Vec<f64>,
+    /// Standard deviation of each vertex along its normal, in metres, where the method knows it.
+    pub std_m: Option<Vec<f64>>,
+}
+
+/// What one piece of evidence changed.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Update {
+    /// The uncertainty of the touch, in [0, 1], where there was one.
+    pub contact_uncertainty: Option<f64>,
+    /// The farthest that the surface moved along its normal, in metres.
+    pub max_vertex_move_m: f64,
+    /// What the caller should know.
+    pub warnings: Vec<String>,
+}
+
+impl Reconstruction {
+    /// A session without evidence.
+    pub fn new(config: Config) -> Self {
+        Self { config, ledger: Ledger::default(), estimate: None }
+    }
+
+    /// The state after one more piece of evidence.
+    ///
+    /// # Errors
+    /// [`Error::NoVisualPrior`] for an attempt before anything was seen.
+    pub fn absorb(&self, evidence: &Evidence) -> Result<(Self, Update), Error> {
+        let mut next = self.clone();
+        let entry = next.ledger.enter(evidence, &next.config)?;
+        let mut max_vertex_move_m = 0.0;
+        if entry.changes_estimate {
+            let estimate = next.estimate();
+            max_vertex_move_m =
+                self.estimate.as_ref().map_or(0.0, |before| estimate.farthest_move_m(before, self.sphere()));
+            next.estimate = Some(estimate);
+        }
+        let update = Update {
+            contact_uncertainty: entry.contact_uncertainty,
+            max_vertex_move_m,
+            warnings: entry.warnings,
+        };
+        Ok((next, update))
+    }
+
+    /// The method, from attractors to a surface with uncertainty (Sections III-D to III-F).
+    fn estimate(&self) -> Estimate {
+        let attractors = &self.ledger.attractors;
+        let viewpoint = self.ledger.viewpoint.as_ref();
+        let sphere = self.sphere();
+
+        // Section III-D: the template guesses the whole from the part.
+        let template = match &self.estimate {
+            Some(before) => template::fit(attractors, viewpoint, &before.template.shape, true),
+            None => template::fit(attractors, viewpoint, &template::initial(attractors, viewpoint), false),
+        };
+        let global = template.shape.mesh(sphere);
+        let index = SurfaceIndex::new(&global).expect("an icosphere has faces");
+
+        // Section III-E: a thin plate over it meets the attractors, Eq. (2).
+        let projections = deformation::project(&global, &index, attractors);
+        let (plate, report) = ThinPlate::fit(&projections);
+        let mesh = plate.displace(&global, &global.vertex_normals());
+
+        // Section III-F: uncertainty spreads from the attractors.
+        let (hops, length_m) = (self.config.propagation_hops, self.config.propagation_length_m);
+        let uncertainty = uncertainty::propagate(sphere, &mesh.vertices, attractors, hops, length_m);
+
+        let normals = mesh.vertex_normals();
+        Estimate { template, plate: report, surface: Surface { mesh, uncertainty, std_m: None }, normals }
+    }
+
+    /// Where to touch next (Section III-G); nothing before the first visual prior.
+    pub fn propose(&self, request: &Request) -> Proposal {
+        self.view().map_or_else(Proposal::default, |view| exploration::propose(&view, request))
+    }
+
+    /// Whether nothing is left that may be touched.
+    pub fn is_exhausted(&self) -> bool {
+        self.view().is_some_and(|view| exploration::is_exhausted(&view))
+    }
+
+    fn view(&self) -> Option<View<'_>> {
+        self.estimate.as_ref().map(|estimate| View {
+            config: &self.config,
+            ledger: &self.ledger,
+            sphere: self.sphere(),
+            mesh: &estimate.surface.mesh,
+            normals: &estimate.normals,
+            uncertainty: &estimate.surface.uncertainty,
+            centre: estimate.template.shape.centre,
+        })
+    }
+
+    /// The parameters.
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
+    /// The evidence, sorted.
+    pub fn ledger(&self) -> &Ledger {
+        &self.ledger
+    }
+
+    /// The estimate with how each stage went; nothing before the first visual prior.
+    pub fn last_estimate(&self) -> Option<&Estimate> {
+        self.estimate.as_ref()
+    }
+
+    /// The surface; nothing before the first visual prior.
+    pub fn surface(&self) -> Option<&Surface> {
+        self.estimate.as_ref().map(|estimate| &estimate.surface)
+    }
+
+    fn sphere(&self) -> &'static Icosphere {
+        Icosphere::get(self.config.icosphere_subdivisions as usize)
+    }
+}
+
+impl Estimate {
+    /// The farthest that this surface lies from another along its normals, in metres.
+    ///
+    /// A fit may renumber the vertices, so each looks for its nearest one before, starting from
+    /// the one with its number.
+    fn farthest_move_m(&self, before: &Self, sphere: &Icosphere) -> f64 {
+        let old = &before.surface.mesh.vertices;
+        let mut farthest = 0.0_f64;
+        for (start, vertex) in self.surface.mesh.vertices.iter().enumerate() {
+            let mut nearest = start;
+            while let Some(&nearer) = sphere
+                .neighbours(nearest)
+                .iter()
+                .filter(|&&next| {
+                    (old[next as usize] - vertex).norm_squared() < (old[nearest] - vertex).norm_squared()
+                })
+                .min_by(|&&a, &&b| {
+                    (old[a as usize] - vertex)
+                        .norm_squared()
+                        .total_cmp(&(old[b as usize] - vertex).norm_squared())
+                })
+            {
+                nearest = nearer as usize;
+            }
+            farthest = farthest.max((vertex - old[nearest]).dot(&before.normals[nearest]).abs());
+        }
+        farthest
+    }
+}

@@ -1,0 +1,115 @@
+//! A session in a few numbers, whether it should go on, and its fingerprint.
+
+use sha2::{Digest, Sha256};
+
+use crate::reconstruction::{Estimate, Reconstruction};
+
+/// A session in a few numbers.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Stats {
+    /// Points seen.
+    pub visual_points: u32,
+    /// Touches that count as a success.
+    pub contacts: u32,
+    /// Approaches that touched nothing.
+    pub no_contacts: u32,
+    /// Approaches that the robot refused.
+    pub rejected: u32,
+    /// Touches too far from their candidate.
+    pub early_contacts: u32,
+    /// Touches by something other than the pad.
+    pub invalid_contacts: u32,
+    /// All attempts that did not succeed.
+    pub failures: u32,
+    /// All approaches.
+    pub attempts: u32,
+    /// Failures since the last success.
+    pub consecutive_failures: u32,
+    /// Mean over the vertices, in [0, 1]; 1 before the first visual prior.
+    pub mean_uncertainty: f64,
+    /// Maximum over the vertices, in [0, 1]; 1 before the first visual prior.
+    pub max_uncertainty: f64,
+    /// Root mean square distance of the attractors to the template, in metres.
+    pub fit_rms_m: f64,
+    /// The template's family; empty before the first visual prior.
+    pub template: &'static str,
+}
+
+/// Why a session should stop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StopReason {
+    /// The mean uncertainty has fallen to what was asked for.
+    Coverage,
+    /// All attempts are used.
+    Budget,
+    /// Nothing is left that may be touched.
+    NoAdmissibleCandidate,
+    /// Too many failures in a row.
+    Stalled,
+    /// The template has grown without bound: the points do not look like one object.
+    Diverged,
+}
+
+impl Reconstruction {
+    /// The session in a few numbers.
+    pub fn stats(&self) -> Stats {
+        let tallies = &self.ledger().tallies;
+        let estimate = self.last_estimate();
+        let uncertainty = estimate.map_or(&[1.0][..], |estimate| &estimate.surface.uncertainty);
+        Stats {
+            visual_points: tallies.visual_points,
+            contacts: tallies.contacts,
+            no_contacts: tallies.no_contacts,
+            rejected: tallies.rejected,
+            early_contacts: tallies.early_contacts,
+            invalid_contacts: tallies.invalid_contacts,
+            failures: tallies.failures(),
+            attempts: tallies.attempts,
+            consecutive_failures: tallies.consecutive_failures,
+            mean_uncertainty: uncertainty.iter().sum::<f64>() / uncertainty.len() as f64,
+            max_uncertainty: uncertainty.iter().copied().fold(0.0, f64::max),
+            fit_rms_m: estimate.map_or(0.0, |estimate| estimate.template.rms_m),
+            template: estimate.map_or("", |_| "ellipsoid"),
+        }
+    }
+
+    /// Whether the exploration should stop, and why; `None` to go on.
+    pub fn stop_reason(&self) -> Option<StopReason> {
+        let stats = self.stats();
+        let rule = &self.config().stop;
+        let estimate = self.last_estimate()?;
+        if estimate.template.diverged {
+            Some(StopReason::Diverged)
+        } else if rule.mean_uncertainty_below.is_some_and(|below| stats.mean_uncertainty < below) {
+            Some(StopReason::Coverage)
+        } else if rule.max_attempts.is_some_and(|most| stats.attempts >= most) {
+            Some(StopReason::Budget)
+        } else if rule.max_consecutive_failures.is_some_and(|most| stats.consecutive_failures >= most) {
+            Some(StopReason::Stalled)
+        } else if self.is_exhausted() {
+            Some(StopReason::NoAdmissibleCandidate)
+        } else {
+            None
+        }
+    }
+
+    /// A fingerprint of every bit of the state: equal evidence gives equal fingerprints.
+    pub fn digest(&self) -> [u8; 32] {
+        let mut hash = Sha256::new();
+        let mut number = |x: f64| hash.update(x.to_bits().to_le_bytes());
+        for attractor in &self.ledger().attractors {
+            attractor.point.iter().for_each(|&x| number(x));
+            number(attractor.uncertainty);
+        }
+        for failure in &self.ledger().failures {
+            failure.point.iter().for_each(|&x| number(x));
+            number(f64::from(failure.contacts_before));
+        }
+        number(f64::from(self.ledger().tallies.attempts));
+        if let Some(Estimate { surface, .. }) = self.last_estimate() {
+            surface.mesh.vertices.iter().flat_map(|vertex| vertex.iter()).for_each(|&x| number(x));
+            surface.uncertainty.iter().for_each(|&x| number(x));
+        }
+        hash.finalize().into()
+    }
+}

@@ -1,0 +1,160 @@
+//! Uncertainty of the vertices, spread from the attractors (Section III-F,
+//! "Uncertainty propagation to vertices").
+//!
+//! As printed, `u / (1 + t²)` falls with distance. It is confidence that decays:
+//! `u_v = 1 - (1 - u_i) / (1 + (t / l)²)`, the least over the attractors whose ring reaches the
+//! vertex, and 1 where none does.
+
+use crate::attractor::Attractor;
+use crate::geometry::{Icosphere, Point};
+
+/// Vertices of the mesh for which the paper counts edges.
+const REFERENCE_VERTICES: f64 = 2562.0;
+
+/// The reach of an attractor on a mesh with another tessellation than the paper's, in edges.
+pub fn scaled_hops(hops: u32, vertices: usize) -> usize {
+    (f64::from(hops) * (vertices as f64 / REFERENCE_VERTICES).sqrt()).round().max(1.0) as usize
+}
+
+/// The uncertainty of every vertex, in [0, 1]; always computed afresh from all attractors.
+pub fn propagate(
+    sphere: &Icosphere,
+    vertices: &[Point],
+    attractors: &[Attractor],
+    hops: u32,
+    length_m: f64,
+) -> Vec<f64> {
+    let hops = scaled_hops(hops, vertices.len());
+    let mut uncertainty = vec![1.0_f64; vertices.len()];
+    let mut ring = Ring::new(vertices.len());
+    for attractor in attractors {
+        let Some(nearest) = nearest_vertex(vertices, &attractor.point) else { continue };
+        for &vertex in ring.around(sphere, nearest, hops) {
+            let t = (vertices[vertex as usize] - attractor.point).norm() / length_m;
+            let u = 1.0 - (1.0 - attractor.uncertainty) / (1.0 + t * t);
+            let least = &mut uncertainty[vertex as usize];
+            *least = least.min(u);
+        }
+    }
+    uncertainty
+}
+
+/// The index of the vertex nearest to a point.
+pub fn nearest_vertex(vertices: &[Point], point: &Point) -> Option<u32> {
+    let mut nearest = (f64::INFINITY, None);
+    for (index, vertex) in vertices.iter().enumerate() {
+        let square = (vertex - point).norm_squared();
+        if square < nearest.0 {
+            nearest = (square, Some(index as u32));
+        }
+    }
+    nearest.1
+}
+
+/// The vertices within a number of edges of another; reusable, so that a search costs its ring.
+#[derive(Clone, Debug)]
+pub struct Ring {
+    seen: Vec<u32>,
+    search: u32,
+    vertices: Vec<u32>,
+}
+
+impl Ring {
+    /// A search over a mesh with `vertices` vertices.
+    pub fn new(vertices: usize) -> Self {
+        Self { seen: vec![0; vertices], search: 0, vertices: Vec::new() }
+    }
+
+    /// All vertices at most `hops` edges from `centre`, itself first.
+    pub fn around(&mut self, sphere: &Icosphere, centre: u32, hops: usize) -> &[u32] {
+        self.search += 1;
+        self.seen[centre as usize] = self.search;
+        self.vertices.clear();
+        self.vertices.push(centre);
+        let mut from = 0;
+        for _ in 0..hops {
+            let to = self.vertices.len();
+            for inner in from..to {
+                for &outer in sphere.neighbours(self.vertices[inner] as usize) {
+                    if self.seen[outer as usize] != self.search {
+                        self.seen[outer as usize] = self.search;
+                        self.vertices.push(outer);
+                    }
+                }
+            }
+            from = to;
+        }
+        &self.vertices
+    }
+
+    /// Whether the last search reached `vertex`.
+    pub fn reached(&self, vertex: u32) -> bool {
+        self.seen[vertex as usize] == self.search
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::attractor::Sense;
+    use proptest::prelude::*;
+
+    fn sphere_vertices(radius_m: f64) -> Vec<Point> {
+        Icosphere::get(4).directions.iter().map(|d| Point::from(d.into_inner() * radius_m)).collect()
+    }
+
+    fn attractor(point: Point, uncertainty: f64) -> Attractor {
+        Attractor { point, uncertainty, sense: Sense::Touch }
+    }
+
+    #[test]
+    fn confidence_halves_at_one_length_and_ends_at_the_ring() {
+        let vertices = sphere_vertices(0.05);
+        let at = attractor(vertices[0], 0.0);
+        let u = propagate(Icosphere::get(4), &vertices, &[at], 5, 0.02);
+        assert_eq!(u[0], 0.0);
+        for (vertex, u) in vertices.iter().zip(&u).filter(|(_, u)| **u < 1.0) {
+            let t = (vertex - vertices[0]).norm() / 0.02;
+            assert!((u - t * t / (1.0 + t * t)).abs() < 1e-12);
+        }
+        let reached = u.iter().filter(|u| **u < 1.0).count();
+        // Around one of the twelve corners of valence five: 1 + 5 (1 + 2 + 3 + 4 + 5).
+        assert!(reached == 76 || reached == 91, "{reached}");
+        assert_eq!(
+            u[usize::try_from(nearest_vertex(&vertices, &Point::from(-vertices[0].coords)).unwrap())
+                .unwrap()],
+            1.0
+        );
+    }
+
+    #[test]
+    fn the_ring_covers_the_same_area_on_a_finer_mesh() {
+        assert_eq!(scaled_hops(5, 2562), 5);
+        assert_eq!(scaled_hops(5, 10242), 10);
+        assert_eq!(scaled_hops(1, 162), 1);
+    }
+
+    proptest! {
+        #[test]
+        fn uncertainty_stays_in_bounds_and_evidence_never_raises_it(
+            touches in prop::collection::vec((0_usize..2562, 0.0..=1.0_f64, -0.01..0.01_f64), 1..20),
+        ) {
+            let vertices = sphere_vertices(0.05);
+            let attractors: Vec<_> = touches
+                .iter()
+                .map(|&(vertex, u, height)| {
+                    attractor(vertices[vertex] + vertices[vertex].coords.normalize() * height, u)
+                })
+                .collect();
+            let sphere = Icosphere::get(4);
+            let mut before = vec![1.0; vertices.len()];
+            for count in 1..=attractors.len() {
+                let after = propagate(sphere, &vertices, &attractors[..count], 5, 0.02);
+                for (before, after) in before.iter().zip(&after) {
+                    prop_assert!((0.0..=1.0).contains(after) && after <= before);
+                }
+                before = after;
+            }
+        }
+    }
+}

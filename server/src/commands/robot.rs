@@ -1,0 +1,9 @@
+//! The simulated robot on the command line: what `demo`, `explore` and `evaluate` share.
+
+mod args;
+mod driver;
+mod local_server;
+
+pub(super) use self::args::{MethodName, NoiseArgs, ObjectArgs, SessionArgs, StrategyName, plan};
+pub(super) use self::driver::{Exploration, drive, save_ply};
+pub(super) use self::local_server::LocalServer;

@@ -1,0 +1,224 @@
+//! Arguments that say what is explored, how, and with what sensors.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use clap::ValueEnum;
+use palpate_client::proto::v1::{CreateSessionRequest, Method, SessionConfig, StopRule, Strategy};
+use palpate_simulator::body::Body;
+use palpate_simulator::probe::ProbeSettings;
+use palpate_simulator::robot::Plan;
+use palpate_simulator::{mesh_file, shapes};
+
+use crate::cli::Failure;
+
+/// What the robot explores.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "Object")]
+pub(in crate::commands) struct ObjectArgs {
+    /// A generated object: bottle, box, can, pear, ball, mug, jar, l-shape, dumbbell, plate, or superquadric-N for
+    /// a random one from the seed N.
+    #[arg(long, value_name = "NAME", conflicts_with = "mesh")]
+    pub(in crate::commands) object: Option<String>,
+
+    /// A closed triangle mesh in metres: a .ply, .stl or .obj file.
+    #[arg(long, value_name = "FILE")]
+    pub(in crate::commands) mesh: Option<PathBuf>,
+
+    /// Multiplies the coordinates of the mesh file: 0.001 for one in millimetres.
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, requires = "mesh")]
+    pub(in crate::commands) scale: f64,
+}
+
+impl ObjectArgs {
+    /// The object and its name; the object called `default` when none is asked for.
+    pub(in crate::commands) fn load(&self, default: &str) -> Result<(String, Body), Failure> {
+        if let Some(path) = &self.mesh {
+            let name = path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+            return Ok((name, mesh_file::read(path, self.scale)?));
+        }
+        let name = self.object.as_deref().unwrap_or(default);
+        Ok((name.to_owned(), shapes::generate(name)?))
+    }
+}
+
+/// How one session explores.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "Exploration")]
+pub(in crate::commands) struct SessionArgs {
+    /// How many times the robot tries to touch, failures included.
+    #[arg(long, value_name = "N", default_value_t = 50)]
+    pub(in crate::commands) attempts: u32,
+
+    /// How the next contact is chosen.
+    #[arg(long, value_enum, default_value_t = StrategyName::Proactive)]
+    pub(in crate::commands) strategy: StrategyName,
+
+    /// Which method reconstructs; the server's best unless given.
+    #[arg(long, value_enum)]
+    pub(in crate::commands) method: Option<MethodName>,
+
+    /// Decides the view, the offsets on the pad and all noise: the same seed gives the same run.
+    #[arg(long, default_value_t = 1)]
+    pub(in crate::commands) seed: u64,
+}
+
+/// How badly the robot measures; exactly, unless told otherwise.
+#[derive(Clone, Copy, Debug, clap::Args)]
+#[command(next_help_heading = "Sensors")]
+pub(in crate::commands) struct NoiseArgs {
+    /// Standard deviation of the depth camera along its rays.
+    #[arg(long, value_name = "MM", default_value_t = 0.0, value_parser = not_negative)]
+    depth_noise_mm: f64,
+
+    /// Standard deviation of the touched position along each axis.
+    #[arg(long, value_name = "MM", default_value_t = 0.0, value_parser = not_negative)]
+    tactile_noise_mm: f64,
+
+    /// Report the normal of the touched surface with every contact.
+    #[arg(long)]
+    normals: bool,
+
+    /// Standard deviation of the reported normals about each tangent.
+    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, value_parser = not_negative, requires = "normals")]
+    normal_noise_deg: f64,
+}
+
+fn not_negative(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),
+        _ => Err("must be a number, at least 0".to_owned()),
+    }
+}
+
+/// The strategies by the names of the wire contract.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[value(rename_all = "snake_case")]
+pub(in crate::commands) enum StrategyName {
+    /// From the frontier of what is known: the paper's own (OURS).
+    Proactive,
+    /// Where the uncertainty is highest: the paper's baseline (minU).
+    MinUncertainty,
+    /// Directions spread evenly over the object.
+    Uniform,
+    /// Anywhere on the estimate.
+    Random,
+    /// Where the most is expected to be learnt.
+    ExpectedGain,
+}
+
+impl StrategyName {
+    fn to_wire(self) -> Strategy {
+        match self {
+            Self::Proactive => Strategy::Proactive,
+            Self::MinUncertainty => Strategy::MinUncertainty,
+            Self::Uniform => Strategy::Uniform,
+            Self::Random => Strategy::Random,
+            Self::ExpectedGain => Strategy::ExpectedGain,
+        }
+    }
+}
+
+/// The methods by the names of the wire contract.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[value(rename_all = "snake_case")]
+pub(in crate::commands) enum MethodName {
+    /// The paper's stages, faithful and comparable.
+    Paper,
+    /// Palpate's own, where the server has it.
+    Palpate,
+}
+
+impl MethodName {
+    fn to_wire(self) -> Method {
+        match self {
+            Self::Paper => Method::Paper,
+            Self::Palpate => Method::Palpate,
+        }
+    }
+}
+
+/// The name of a value as it is typed.
+pub(in crate::commands) fn name_of(value: &impl ValueEnum) -> String {
+    value.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default()
+}
+
+/// What the robot sets out to do, its session labelled with what produced it.
+pub(in crate::commands) fn plan(
+    object: &str,
+    experiment: &str,
+    session: &SessionArgs,
+    noise: &NoiseArgs,
+) -> Plan {
+    let mut labels = BTreeMap::from([
+        ("object".to_owned(), object.to_owned()),
+        ("strategy".to_owned(), name_of(&session.strategy)),
+        ("seed".to_owned(), session.seed.to_string()),
+    ]);
+    if let Some(method) = &session.method {
+        labels.insert("method".to_owned(), name_of(method));
+    }
+    Plan {
+        session: CreateSessionRequest {
+            display_name: object.to_owned(),
+            experiment: experiment.to_owned(),
+            frame_id: "object".to_owned(),
+            labels,
+            config: Some(SessionConfig {
+                method: session.method.map_or(Method::Unspecified, MethodName::to_wire).into(),
+                strategy: session.strategy.to_wire().into(),
+                seed: Some(session.seed),
+                stop: Some(StopRule { max_attempts: Some(session.attempts), ..StopRule::default() }),
+                ..SessionConfig::default()
+            }),
+            ..CreateSessionRequest::default()
+        },
+        seed: session.seed,
+        attempts: session.attempts,
+        depth_noise_m: noise.depth_noise_mm * 1e-3,
+        probe: ProbeSettings {
+            tactile_noise_m: noise.tactile_noise_mm * 1e-3,
+            measures_normals: noise.normals,
+            normal_noise_rad: noise.normal_noise_deg.to_radians(),
+        },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_those_of_the_contract() {
+        assert_eq!(name_of(&StrategyName::MinUncertainty), "min_uncertainty");
+        for strategy in StrategyName::value_variants() {
+            let wire = format!("STRATEGY_{}", name_of(strategy).to_uppercase());
+            assert_eq!(strategy.to_wire().as_str_name(), wire);
+        }
+        for method in MethodName::value_variants() {
+            let wire = format!("METHOD_{}", name_of(method).to_uppercase());
+            assert_eq!(method.to_wire().as_str_name(), wire);
+        }
+    }
+
+    #[test]
+    fn the_help_names_every_generated_object() {
+        #[derive(clap::Parser)]
+        struct Program {
+            #[command(flatten)]
+            object: ObjectArgs,
+        }
+        let help = <Program as clap::CommandFactory>::command().render_long_help().to_string();
+        for object in shapes::OBJECTS {
+            assert!(help.contains(object.name), "{}", object.name);
+        }
+        let program = <Program as clap::Parser>::parse_from(["palpate"]);
+        assert_eq!(program.object.load("can").unwrap().0, "can");
+    }
+
+    #[test]
+    fn noise_that_is_not_a_length_is_refused() {
+        assert!(not_negative("-1").is_err() && not_negative("nan").is_err() && not_negative("x").is_err());
+        assert_eq!(not_negative("1.5"), Ok(1.5));
+    }
+}

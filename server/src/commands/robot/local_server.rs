@@ -1,0 +1,46 @@
+//! A real server inside this process: a free port of the loopback, a database of its own.
+
+use std::path::Path;
+
+use palpate_client::Client;
+use tokio::net::TcpListener;
+use tokio::task::JoinHandle;
+use tokio_util::sync::CancellationToken;
+
+use crate::cli::Failure;
+use crate::{ServeError, ServeOptions, serve};
+
+/// A server that runs beside the command.
+#[derive(Debug)]
+pub(in crate::commands) struct LocalServer {
+    /// Where it is reached.
+    pub(in crate::commands) url: String,
+    shutdown: CancellationToken,
+    task: JoinHandle<Result<(), ServeError>>,
+}
+
+impl LocalServer {
+    /// Starts a server over the database at `database` and connects to it.
+    pub(in crate::commands) async fn start(database: &Path) -> Result<(Self, Client), Failure> {
+        let listener = TcpListener::bind("127.0.0.1:0").await?;
+        let url = format!("http://{}", listener.local_addr()?);
+        let shutdown = CancellationToken::new();
+        let options = ServeOptions { database: database.to_owned(), ..ServeOptions::default() };
+        let task = tokio::spawn(serve(listener, options, shutdown.clone()));
+        match Client::connect(&url).await {
+            Ok(client) => Ok((Self { url, shutdown, task }, client)),
+            Err(error) => {
+                // A server that could not start says more than the connection it did not answer.
+                shutdown.cancel();
+                task.await??;
+                Err(error.into())
+            }
+        }
+    }
+
+    /// Stops gracefully: everything acknowledged is in the database.
+    pub(in crate::commands) async fn stop(self) -> Result<(), Failure> {
+        self.shutdown.cancel();
+        Ok(self.task.await??)
+    }
+}

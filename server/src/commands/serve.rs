@@ -1,0 +1,144 @@
+//! `palpate serve`: the service on a port, until it is told to stop.
+
+use std::io::ErrorKind;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::process;
+
+use http::HeaderValue;
+use tokio::net::TcpListener;
+use tokio_util::sync::CancellationToken;
+
+use crate::cli::Failure;
+use crate::{ServeOptions, serve};
+
+/// The exit code of a process that was interrupted: 128 and the number of SIGINT.
+const INTERRUPTED: i32 = 130;
+
+const ABOUT: &str = "\
+Serves gRPC, gRPC-Web, HTTP with JSON, and server-sent events on one port.
+
+Everything that is acknowledged is in the database: a server that was killed continues every session where it was.
+Ctrl-C or SIGTERM stops it gracefully: it finishes what it has begun and ends open streams; a second one stops at once.";
+
+#[derive(Debug, clap::Args)]
+#[command(long_about = ABOUT)]
+pub(crate) struct Args {
+    /// Address and port; port 0 takes a free one and the log says which.
+    #[arg(long, env = "PALPATE_LISTEN", value_name = "ADDRESS:PORT", default_value = "127.0.0.1:7257")]
+    pub(crate) listen: SocketAddr,
+
+    /// The SQLite file that holds all sessions; made where it does not exist.
+    #[arg(long, env = "PALPATE_DATABASE", value_name = "FILE", default_value = "palpate.db")]
+    database: PathBuf,
+
+    /// Serve other machines too, although anyone who reaches the port can then read and change every session.
+    #[arg(long)]
+    insecure_open: bool,
+
+    /// A web origin whose pages may call this server, such as `https://lab.example`; may be repeated.
+    #[arg(long = "allow-origin", env = "PALPATE_ALLOW_ORIGIN", value_name = "ORIGIN", value_delimiter = ',')]
+    allowed_origins: Vec<HeaderValue>,
+}
+
+/// Serves until a signal says stop.
+pub(crate) async fn run(args: Args) -> Result<(), Failure> {
+    let Args { listen, database, insecure_open, allowed_origins } = args;
+    refuse_open_network(listen, insecure_open)?;
+    let listener = TcpListener::bind(listen).await.map_err(|error| explain_bind(listen, &error))?;
+    let address = listener.local_addr()?;
+    tracing::info!(
+        api = %format!("http://{address}"),
+        docs = %format!("http://{address}/docs"),
+        database = %database.display(),
+        "palpate listens for gRPC and HTTP; Ctrl-C stops it"
+    );
+    let shutdown = CancellationToken::new();
+    tokio::spawn(cancel_on_signal(shutdown.clone()));
+    let options = ServeOptions { database, allowed_origins, ..ServeOptions::default() };
+    serve(listener, options, shutdown).await?;
+    tracing::info!("stopped");
+    Ok(())
+}
+
+/// Nothing here authenticates a caller, so only this machine may call unless somebody says otherwise.
+fn refuse_open_network(listen: SocketAddr, insecure_open: bool) -> Result<(), Failure> {
+    if listen.ip().is_loopback() || insecure_open {
+        return Ok(());
+    }
+    let text = format!(
+        "--listen {listen} can be reached from other machines, and this version does not authenticate callers.\n\
+         Listen on 127.0.0.1 and let an authenticating proxy or an ssh tunnel face the network,\n\
+         or add --insecure-open if everyone who reaches this port may read and change every session."
+    );
+    Err(text.into())
+}
+
+fn explain_bind(listen: SocketAddr, error: &std::io::Error) -> String {
+    let port = listen.port();
+    match error.kind() {
+        ErrorKind::AddrInUse => format!(
+            "port {port} is taken, perhaps by a server that runs already.\n\
+             Use that one, stop it, or choose another port: --listen {}:{}, or port 0 for a free one.",
+            listen.ip(),
+            port.wrapping_add(1).max(1024),
+        ),
+        ErrorKind::PermissionDenied => {
+            format!("port {port} needs privileges: choose one above 1023, such as --listen {}:7257.", listen.ip())
+        }
+        ErrorKind::AddrNotAvailable => {
+            format!("{} is no address of this machine: 127.0.0.1 is itself, 0.0.0.0 all of its addresses.", listen.ip())
+        }
+        _ => format!("cannot listen on {listen}: {error}"),
+    }
+}
+
+/// Cancels at the first signal and ends the process at the second.
+async fn cancel_on_signal(shutdown: CancellationToken) {
+    if let Err(error) = next_signal().await {
+        tracing::error!(%error, "signals cannot be heard: only killing the process will stop it");
+        return;
+    }
+    tracing::info!("stopping: finishing what has begun; a second signal stops at once");
+    shutdown.cancel();
+    if next_signal().await.is_ok() {
+        process::exit(INTERRUPTED);
+    }
+}
+
+#[cfg(unix)]
+async fn next_signal() -> std::io::Result<()> {
+    let mut terminate = tokio::signal::unix::signal(tokio::signal::unix::SignalKind::terminate())?;
+    tokio::select! {
+        result = tokio::signal::ctrl_c() => result,
+        _ = terminate.recv() => Ok(()),
+    }
+}
+
+#[cfg(not(unix))]
+async fn next_signal() -> std::io::Result<()> {
+    tokio::signal::ctrl_c().await
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_this_machine_is_served_unless_told_otherwise() {
+        assert!(refuse_open_network("127.0.0.1:1".parse().unwrap(), false).is_ok());
+        assert!(refuse_open_network("[::1]:1".parse().unwrap(), false).is_ok());
+        assert!(refuse_open_network("0.0.0.0:1".parse().unwrap(), true).is_ok());
+        let failure = refuse_open_network("0.0.0.0:1".parse().unwrap(), false).unwrap_err();
+        assert!(failure.to_string().contains("--insecure-open"));
+    }
+
+    #[tokio::test]
+    async fn a_taken_port_is_explained() {
+        let first = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let address = first.local_addr().unwrap();
+        let error = TcpListener::bind(address).await.unwrap_err();
+        let text = explain_bind(address, &error);
+        assert!(text.contains(&format!("port {} is taken", address.port())), "{text}");
+    }
+}

@@ -1,0 +1,266 @@
+//! Why a call was refused: one enum, which gRPC and HTTP each render in their own way.
+//!
+//! `Display` is what the client reads: what is wrong and what to do. What only an operator should
+//! read is in [`Error::detail`] and goes to the log.
+
+use std::time::Duration;
+
+use http::StatusCode;
+use tonic::Code;
+
+/// A refused call; the state is then as it was before.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Error {
+    /// One or more fields cannot be used.
+    #[error("{}", describe(.0))]
+    Fields(Vec<FieldViolation>),
+    /// There is no such session.
+    #[error("there is no session {session_id:?}")]
+    SessionNotFound {
+        /// Which was asked for.
+        session_id: String,
+    },
+    /// The id is taken.
+    #[error("a session {session_id:?} exists already: choose another session_id, or leave it empty")]
+    SessionExists {
+        /// Which was asked for.
+        session_id: String,
+    },
+    /// The same request id came before with another body.
+    #[error("request_id {request_id:?} was used before with another body: a new request needs a new request_id")]
+    RequestIdReused {
+        /// The id that came twice.
+        request_id: String,
+    },
+    /// The session moved on since the caller looked.
+    #[error("expected_revision is {expected}, but the session is at revision {actual}: read it again and decide anew")]
+    RevisionMismatch {
+        /// What the caller expected.
+        expected: i64,
+        /// The session's revision.
+        actual: i64,
+    },
+    /// The session changed since the caller read this etag.
+    #[error("the etag {expected:?} is stale, the session's is {actual:?}: read it again and decide anew")]
+    EtagMismatch {
+        /// What the caller expected.
+        expected: String,
+        /// The session's etag.
+        actual: String,
+    },
+    /// There is no estimate yet.
+    #[error("the session has no visual prior yet: call AddVisualPrior first")]
+    NoVisualPrior,
+    /// The session is closed.
+    #[error("session {session_id:?} is finished and takes no further events: create or fork another one")]
+    SessionFinished {
+        /// Which one.
+        session_id: String,
+    },
+    /// The log cannot be folded to a sound state.
+    #[error("session {session_id:?} is quarantined, because its log cannot be replayed: it is read only")]
+    SessionQuarantined {
+        /// Which one.
+        session_id: String,
+    },
+    /// The server holds as many of something as it may.
+    #[error("the limit of {limit} {what} is reached: {hint}")]
+    Quota {
+        /// What there are too many of, in the plural.
+        what: &'static str,
+        /// How many there may be.
+        limit: u64,
+        /// What the caller can do.
+        hint: &'static str,
+    },
+    /// Too much work is waiting.
+    #[error("the {queue} queue is full: try again in {} ms", .retry_after.as_millis())]
+    QueueFull {
+        /// Which queue.
+        queue: &'static str,
+        /// When to try again.
+        retry_after: Duration,
+    },
+    /// The request, or what it would add up to, is too large.
+    #[error("{what} is over the limit of {limit}: {hint}")]
+    TooLarge {
+        /// What is too large, with its size.
+        what: String,
+        /// The limit, with its unit.
+        limit: String,
+        /// What the caller can do.
+        hint: &'static str,
+    },
+    /// The server is about to stop.
+    #[error("the server is shutting down: try again in a moment, with the same request_id")]
+    Draining,
+    /// The database does not answer.
+    #[error("the event log cannot be reached, nothing was recorded: try again with the same request_id")]
+    StoreDown {
+        /// For the log only.
+        detail: String,
+    },
+    /// The caller's deadline passed.
+    #[error("the deadline passed before the call was answered: try again with the same request_id")]
+    DeadlineExceeded,
+    /// Part of the contract, but not of this version.
+    #[error("{what} is not available in this version of the server")]
+    Unimplemented {
+        /// The call or the field.
+        what: String,
+    },
+    /// A bug of the server.
+    #[error("internal error: nothing was changed; the server's log says more")]
+    Internal {
+        /// For the log only.
+        detail: String,
+    },
+}
+
+/// What is wrong with one field.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FieldViolation {
+    /// Path in the request as the caller wrote it, such as `result.contact.sensor_pose.orientation`.
+    pub field: String,
+    /// What is wrong and what would be right.
+    pub description: String,
+    /// Whether a number is NaN, infinite or beyond any workspace.
+    pub non_finite: bool,
+}
+
+impl Error {
+    /// A single field that is out of its range or of the wrong form.
+    pub fn field(field: impl Into<String>, description: impl Into<String>) -> Self {
+        Self::Fields(vec![FieldViolation {
+            field: field.into(),
+            description: description.into(),
+            non_finite: false,
+        }])
+    }
+
+    /// A feature of the contract that this version lacks, named by its call or field.
+    pub fn unimplemented(what: impl Into<String>) -> Self {
+        Self::Unimplemented { what: what.into() }
+    }
+
+    /// A bug, described for the log.
+    pub fn internal(detail: impl Into<String>) -> Self {
+        Self::Internal { detail: detail.into() }
+    }
+
+    /// The reason for programs, the same over gRPC and HTTP.
+    pub fn reason(&self) -> &'static str {
+        match self {
+            Self::Fields(fields) if fields.iter().any(|field| field.non_finite) => "NON_FINITE",
+            Self::Fields(_) => "FIELD_INVALID",
+            Self::SessionNotFound { .. } => "SESSION_NOT_FOUND",
+            Self::SessionExists { .. } => "SESSION_EXISTS",
+            Self::RequestIdReused { .. } => "REQUEST_ID_REUSED",
+            Self::RevisionMismatch { .. } => "REVISION_MISMATCH",
+            Self::EtagMismatch { .. } => "ETAG_MISMATCH",
+            Self::NoVisualPrior => "NO_VISUAL_PRIOR",
+            Self::SessionFinished { .. } => "SESSION_FINISHED",
+            Self::SessionQuarantined { .. } => "SESSION_QUARANTINED",
+            Self::Quota { .. } => "QUOTA",
+            Self::QueueFull { .. } => "QUEUE_FULL",
+            Self::TooLarge { .. } => "TOO_LARGE",
+            Self::Draining => "DRAINING",
+            Self::StoreDown { .. } => "STORE_DOWN",
+            Self::DeadlineExceeded => "DEADLINE_EXCEEDED",
+            Self::Unimplemented { .. } => "UNIMPLEMENTED",
+            Self::Internal { .. } => "INTERNAL",
+        }
+    }
+
+    /// The gRPC status code.
+    pub fn grpc_code(&self) -> Code {
+        match self {
+            Self::Fields(_) => Code::InvalidArgument,
+            Self::SessionNotFound { .. } => Code::NotFound,
+            Self::SessionExists { .. } | Self::RequestIdReused { .. } => Code::AlreadyExists,
+            Self::RevisionMismatch { .. } | Self::EtagMismatch { .. } => Code::Aborted,
+            Self::NoVisualPrior | Self::SessionFinished { .. } | Self::SessionQuarantined { .. } => {
+                Code::FailedPrecondition
+            }
+            Self::Quota { .. } | Self::QueueFull { .. } | Self::TooLarge { .. } => Code::ResourceExhausted,
+            Self::Draining | Self::StoreDown { .. } => Code::Unavailable,
+            Self::DeadlineExceeded => Code::DeadlineExceeded,
+            Self::Unimplemented { .. } => Code::Unimplemented,
+            Self::Internal { .. } => Code::Internal,
+        }
+    }
+
+    /// The HTTP status.
+    pub fn http_status(&self) -> StatusCode {
+        match self {
+            Self::Fields(_) => StatusCode::UNPROCESSABLE_ENTITY,
+            Self::SessionNotFound { .. } => StatusCode::NOT_FOUND,
+            Self::SessionExists { .. }
+            | Self::RequestIdReused { .. }
+            | Self::RevisionMismatch { .. }
+            | Self::NoVisualPrior
+            | Self::SessionFinished { .. }
+            | Self::SessionQuarantined { .. } => StatusCode::CONFLICT,
+            Self::EtagMismatch { .. } => StatusCode::PRECONDITION_FAILED,
+            Self::Quota { .. } | Self::QueueFull { .. } => StatusCode::TOO_MANY_REQUESTS,
+            Self::TooLarge { .. } => StatusCode::PAYLOAD_TOO_LARGE,
+            Self::Draining | Self::StoreDown { .. } => StatusCode::SERVICE_UNAVAILABLE,
+            Self::DeadlineExceeded => StatusCode::GATEWAY_TIMEOUT,
+            Self::Unimplemented { .. } => StatusCode::NOT_IMPLEMENTED,
+            Self::Internal { .. } => StatusCode::INTERNAL_SERVER_ERROR,
+        }
+    }
+
+    /// The fields that are wrong; empty when it is not about a field.
+    pub fn fields(&self) -> &[FieldViolation] {
+        if let Self::Fields(fields) = self { fields } else { &[] }
+    }
+
+    /// When the same call may succeed.
+    pub fn retry_after(&self) -> Option<Duration> {
+        match self {
+            Self::QueueFull { retry_after, .. } => Some(*retry_after),
+            Self::Quota { .. } | Self::Draining | Self::StoreDown { .. } => Some(Duration::from_secs(1)),
+            _ => None,
+        }
+    }
+
+    /// What an operator should read beside the client's text.
+    pub fn detail(&self) -> Option<&str> {
+        match self {
+            Self::StoreDown { detail } | Self::Internal { detail } => Some(detail),
+            _ => None,
+        }
+    }
+}
+
+fn describe(fields: &[FieldViolation]) -> String {
+    let texts: Vec<String> = fields
+        .iter()
+        .map(|FieldViolation { field, description, non_finite: _ }| format!("{field}: {description}"))
+        .collect();
+    texts.join("; ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bad_number_has_its_own_reason() {
+        let mut error = Error::field("prior.uncertainty", "1.5 is not between 0 and 1");
+        assert_eq!(error.reason(), "FIELD_INVALID");
+        assert_eq!(error.to_string(), "prior.uncertainty: 1.5 is not between 0 and 1");
+        if let Error::Fields(fields) = &mut error {
+            fields[0].non_finite = true;
+        }
+        assert_eq!((error.reason(), error.grpc_code()), ("NON_FINITE", Code::InvalidArgument));
+    }
+
+    #[test]
+    fn what_the_log_says_is_not_what_the_client_reads() {
+        let error = Error::internal("index out of bounds in template.rs");
+        assert!(!error.to_string().contains("template.rs"));
+        assert_eq!(error.detail(), Some("index out of bounds in template.rs"));
+    }
+}

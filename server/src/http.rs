@@ -1,0 +1,160 @@
+//! The service as HTTP with JSON, files and server-sent events.
+//!
+//! JSON is the wire contract's, by its descriptors, with the names of the `.proto` files; nothing is
+//! declared twice. Handlers read a request, ask [`Api`] and write the answer; they decide nothing.
+//! Every answer that is not a success is a problem document (RFC 9457).
+
+mod events;
+mod exploration;
+mod extract;
+mod json_points;
+mod later;
+mod mesh;
+mod negotiation;
+mod openapi;
+mod operations;
+mod problem;
+mod proto_json;
+mod schema;
+mod sessions;
+
+use std::sync::LazyLock;
+use std::time::Duration;
+
+use axum::Router;
+use axum::extract::Request;
+use axum::response::{IntoResponse, Response};
+use http::header::{CONTENT_TYPE, ETAG};
+use http::{Extensions, HeaderMap, HeaderName, HeaderValue, Method, StatusCode, Uri, Version};
+use tower_http::catch_panic::CatchPanicLayer;
+use tower_http::compression::CompressionLayer;
+use tower_http::compression::predicate::{Predicate, SizeAbove};
+use tower_http::cors::{Any, CorsLayer};
+use tower_http::request_id::{MakeRequestUuid, PropagateRequestIdLayer, SetRequestIdLayer};
+use tower_http::trace::TraceLayer;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use crate::api::Api;
+use problem::Problem;
+
+/// Smaller bodies gain nothing by compression, in bytes.
+const LEAST_COMPRESSED_BYTES: u64 = 1024;
+
+/// All routes with their layers. Pages of `allowed_origins` may call them from a browser; no other page may.
+pub(crate) fn router(api: Api, allowed_origins: Vec<HeaderValue>) -> Router {
+    // The document never changes, so every server of a process shares one.
+    static DOCUMENT: LazyLock<HeaderAndBody> = LazyLock::new(|| openapi::document(documented().into_openapi()));
+    let (routes, _) = documented().split_for_parts();
+    routes
+        .merge(later::routes())
+        .route("/openapi.json", axum::routing::get(|| async { DOCUMENT.clone() }))
+        .with_state(api)
+        .merge(openapi::documentation_page())
+        .fallback(no_such_path)
+        .method_not_allowed_fallback(method_not_allowed)
+        .layer(CatchPanicLayer::custom(|_| Problem::panicked().into_response()))
+        .layer(CompressionLayer::new().compress_when(SizeAbove::new(LEAST_COMPRESSED_BYTES).and(is_compressible)))
+        .layer(cors(allowed_origins))
+        .layer(PropagateRequestIdLayer::x_request_id())
+        .layer(TraceLayer::new_for_http().make_span_with(span))
+        .layer(SetRequestIdLayer::x_request_id(MakeRequestUuid))
+}
+
+/// A media type and what is of it.
+type HeaderAndBody = ([(HeaderName, &'static str); 1], String);
+
+/// The routes that the OpenAPI document describes: each is declared once, beside its handler.
+fn documented() -> OpenApiRouter<Api> {
+    OpenApiRouter::with_openapi(openapi::introduction())
+        .routes(routes!(sessions::create, sessions::list))
+        .routes(routes!(sessions::get, sessions::delete))
+        .routes(routes!(exploration::add_prior))
+        .routes(routes!(exploration::propose))
+        .routes(routes!(exploration::report))
+        .routes(routes!(mesh::get))
+        .routes(routes!(events::get))
+        .routes(routes!(operations::healthz))
+        .routes(routes!(operations::livez))
+        .routes(routes!(operations::readyz))
+        .routes(routes!(operations::version))
+        .routes(routes!(operations::index))
+}
+
+async fn no_such_path(uri: Uri) -> Problem {
+    Problem::new(
+        StatusCode::NOT_FOUND,
+        "NO_SUCH_PATH",
+        format!("there is nothing at {}: /docs lists all paths", uri.path()),
+    )
+}
+
+async fn method_not_allowed(method: Method, uri: Uri) -> Problem {
+    Problem::new(
+        StatusCode::METHOD_NOT_ALLOWED,
+        "METHOD_NOT_ALLOWED",
+        format!("{} does not answer {method}: the Allow header says what it answers", uri.path()),
+    )
+}
+
+fn span(request: &Request) -> tracing::Span {
+    let request_id = request.headers().get("x-request-id").and_then(|id| id.to_str().ok());
+    tracing::info_span!("http", method = %request.method(), path = request.uri().path(), request_id)
+}
+
+/// JSON compresses well. What carries an entity tag stays as it is, because a strong tag names exact bytes.
+fn is_compressible(_: StatusCode, _: Version, headers: &HeaderMap, _: &Extensions) -> bool {
+    let content_type = headers.get(CONTENT_TYPE).map(HeaderValue::as_bytes).unwrap_or_default();
+    content_type.starts_with(b"application/json") && !headers.contains_key(ETAG)
+}
+
+fn cors(allowed_origins: Vec<HeaderValue>) -> CorsLayer {
+    CorsLayer::new()
+        .allow_origin(allowed_origins)
+        .allow_methods([Method::GET, Method::POST, Method::PATCH, Method::DELETE])
+        .allow_headers(Any)
+        .expose_headers(Any)
+        .max_age(Duration::from_secs(3600))
+}
+
+/// Answers with `body` unless the caller's `If-None-Match` names `etag`, which is quoted here and not before.
+fn tagged(headers: &HeaderMap, etag: &str, body: impl IntoResponse) -> Response {
+    let tag = format!("\"{etag}\"");
+    let known = headers.get_all(http::header::IF_NONE_MATCH).iter().filter_map(|value| value.to_str().ok());
+    let is_known = known
+        .flat_map(|value| value.split(','))
+        .map(|value| value.trim().trim_start_matches("W/"))
+        .any(|value| value == "*" || value == tag);
+    if is_known {
+        ([(ETAG, tag)], StatusCode::NOT_MODIFIED).into_response()
+    } else {
+        ([(ETAG, tag)], body).into_response()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_known_tag_spares_the_body_and_an_unknown_one_does_not() {
+        let mut headers = HeaderMap::new();
+        assert_eq!(tagged(&headers, "a-1", "body").status(), StatusCode::OK);
+        headers.insert(http::header::IF_NONE_MATCH, HeaderValue::from_static("\"b\", W/\"a-1\""));
+        let response = tagged(&headers, "a-1", "body");
+        assert_eq!(response.status(), StatusCode::NOT_MODIFIED);
+        assert_eq!(response.headers()[ETAG], "\"a-1\"");
+        assert_eq!(tagged(&headers, "a-2", "body").status(), StatusCode::OK);
+    }
+
+    #[test]
+    fn only_plain_json_is_compressed() {
+        let check = |pairs: &[(HeaderName, &'static str)]| {
+            let headers = pairs.iter().map(|(n, v)| (n.clone(), HeaderValue::from_static(v))).collect();
+            is_compressible(StatusCode::OK, Version::HTTP_11, &headers, &Extensions::new())
+        };
+        assert!(check(&[(CONTENT_TYPE, "application/json")]));
+        assert!(!check(&[(CONTENT_TYPE, "text/event-stream")]));
+        assert!(!check(&[(CONTENT_TYPE, "application/json"), (ETAG, "\"1\"")]));
+    }
+}

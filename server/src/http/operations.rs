@@ -1,0 +1,48 @@
+//! What operators and probes ask: is it alive, is it ready, what is it.
+
+use axum::extract::State;
+use axum::response::Redirect;
+use palpate_proto::v1;
+
+use super::problem::Problem;
+use super::proto_json::ProtoJson;
+use crate::api::Api;
+
+/// Does the process answer?
+#[utoipa::path(get, path = "/healthz", tag = "operations", responses((status = 200, description = "Yes", body = String)))]
+pub(super) async fn healthz() -> &'static str {
+    "ok\n"
+}
+
+/// Does the process answer?
+#[utoipa::path(get, path = "/livez", tag = "operations", responses((status = 200, description = "Yes", body = String)))]
+pub(super) async fn livez() -> &'static str {
+    "ok\n"
+}
+
+/// May traffic be sent here?
+///
+/// Only when the database is migrated and writable and the server is not about to stop.
+#[utoipa::path(get, path = "/readyz", tag = "operations", responses((status = 200, description = "Yes", body = String)))]
+pub(super) async fn readyz(State(api): State<Api>) -> Result<&'static str, Problem> {
+    api.ready().await?;
+    Ok("ready\n")
+}
+
+/// Versions, capabilities and limits
+#[utoipa::path(
+    get, path = "/version", tag = "operations",
+    responses((
+        status = 200, description = "What the server is and can do",
+        body = ref("#/components/schemas/ServerInfo"), content_type = "application/json",
+    )),
+)]
+pub(super) async fn version(State(api): State<Api>) -> ProtoJson<v1::ServerInfo> {
+    ProtoJson(api.server_info())
+}
+
+/// Leads to this documentation
+#[utoipa::path(get, path = "/", tag = "operations", responses((status = 307, description = "To /docs")))]
+pub(super) async fn index() -> Redirect {
+    Redirect::temporary("/docs/")
+}

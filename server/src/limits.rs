@@ -1,0 +1,95 @@
+//! Every bound on what comes from the network, in one place.
+//!
+//! Reaching one is answered with an error that names the limit and says what to do.
+
+use std::time::Duration;
+
+/// The bounds of one server; the defaults suit one machine and a few robots.
+#[derive(Clone, Debug)]
+pub struct Limits {
+    /// Largest request message, in bytes.
+    pub message_bytes: usize,
+    /// Largest JSON body, in bytes: parsed, it takes many times its size.
+    pub json_bytes: usize,
+    /// Visual points of one session, after thinning.
+    pub visual_points: usize,
+    /// Contact results of one session, failures included.
+    pub contacts: u32,
+    /// Candidates in one reply.
+    pub top_k: u32,
+    /// Keep-out regions in one request.
+    pub keep_out: usize,
+    /// Page size where the caller names none.
+    pub page_size: u32,
+    /// Largest page; larger wishes are capped.
+    pub page_size_max: u32,
+    /// Labels of one session.
+    pub labels: usize,
+    /// Bytes of a label's key or value, of a name or of a request id.
+    pub name_bytes: usize,
+    /// Bytes of a free text such as a detail or a note.
+    pub text_bytes: usize,
+    /// Sessions in the database.
+    pub sessions: u64,
+    /// Sessions whose state is held in memory; the least recently used give way.
+    pub live_sessions: usize,
+    /// Past states held in memory for meshes of earlier revisions.
+    pub past_states: usize,
+    /// Calls that may wait for their turn in one session.
+    pub session_queue: usize,
+    /// Computations that may wait for each core.
+    pub compute_queue_per_core: usize,
+    /// Writes that may wait for the event log.
+    pub write_queue: usize,
+    /// Writes in one commit.
+    pub write_batch: usize,
+    /// Open watch and exploration streams, over all connections.
+    pub streams: usize,
+    /// Concurrent streams of one HTTP/2 connection.
+    pub connection_streams: u32,
+    /// Bytes of all headers of one request.
+    pub header_bytes: u32,
+    /// Sign of life on a silent watch stream where the caller names none.
+    pub heartbeat: Duration,
+    /// Shortest heartbeat; shorter wishes are refused.
+    pub heartbeat_min: Duration,
+    /// Longest heartbeat; longer wishes are refused.
+    pub heartbeat_max: Duration,
+    /// How long a call may take where the caller names no deadline.
+    pub call_timeout: Duration,
+    /// How long open connections may finish after a stop was asked.
+    pub drain: Duration,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self {
+            message_bytes: 16 << 20,
+            json_bytes: 4 << 20,
+            visual_points: 2000,
+            contacts: 1000,
+            top_k: 64,
+            keep_out: 64,
+            page_size: 50,
+            page_size_max: 1000,
+            labels: 64,
+            name_bytes: 256,
+            text_bytes: 4096,
+            sessions: 100_000,
+            live_sessions: 256,
+            past_states: 32,
+            session_queue: 8,
+            compute_queue_per_core: 16,
+            write_queue: 1024,
+            write_batch: 256,
+            streams: 256,
+            connection_streams: 64,
+            header_bytes: 16 << 10,
+            heartbeat: Duration::from_secs(15),
+            heartbeat_min: Duration::from_secs(1),
+            heartbeat_max: Duration::from_secs(3600),
+            call_timeout: Duration::from_secs(60),
+            drain: Duration::from_secs(10),
+        }
+    }
+}

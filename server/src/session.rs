@@ -1,0 +1,169 @@
+//! What a session is: its definition, fixed at creation, and a snapshot of its state per revision.
+//!
+//! ```text
+//! created --> AwaitingPrior --first visual prior--> Active --finish--> Finished
+//!                   \                                  \
+//!                    `--------- a log that cannot be replayed ------> Quarantined
+//! ```
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::{Duration, Instant, SystemTime};
+
+use palpate_core::config::Config;
+use palpate_core::evidence::Evidence;
+use palpate_core::geometry::Pose;
+use palpate_core::reconstruction::{Reconstruction, Stats, StopReason, Update};
+
+/// Half the side of the pad that is assumed where none is declared, in metres.
+pub(crate) const DEFAULT_PAD_HALF_SIDE_M: f64 = 0.009;
+
+/// What is said of a session when it is created.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Definition {
+    pub(crate) session_id: String,
+    pub(crate) display_name: String,
+    pub(crate) experiment: String,
+    /// The frame of every pose and point.
+    pub(crate) frame_id: String,
+    pub(crate) labels: BTreeMap<String, String>,
+    pub(crate) config: Config,
+    /// The probe's declared pads.
+    pub(crate) sensors: Vec<Sensor>,
+    /// Microseconds since 1970, UTC.
+    pub(crate) created_us: i64,
+}
+
+/// One square contact pad of the probe.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Sensor {
+    pub(crate) id: String,
+    /// The sensor's frame has its origin at the centre of the pad's face and z out of the pad.
+    pub(crate) tool_from_sensor: Pose,
+    pub(crate) pad_half_side_m: f64,
+    /// Normal force at which an approach should stop, in newtons.
+    pub(crate) contact_force_n: Option<f64>,
+}
+
+impl Definition {
+    /// The pad that a contact names: the only one where it names none.
+    pub(crate) fn sensor(&self, id: &str) -> Option<Sensor> {
+        match self.sensors.as_slice() {
+            [] if id.is_empty() => Some(Sensor {
+                id: String::new(),
+                tool_from_sensor: Pose::identity(),
+                pad_half_side_m: DEFAULT_PAD_HALF_SIDE_M,
+                contact_force_n: None,
+            }),
+            [only] if id.is_empty() => Some(only.clone()),
+            sensors => sensors.iter().find(|sensor| sensor.id == id).cloned(),
+        }
+    }
+}
+
+/// Where a session is in its life.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Life {
+    /// Nothing was seen yet.
+    AwaitingPrior,
+    /// There is an estimate; contacts are taken.
+    Active,
+    /// The log cannot be replayed: the state is that of the last event that could.
+    Quarantined,
+}
+
+/// A session after one of its events; shared by readers, never changed.
+#[derive(Clone, Debug)]
+pub(crate) struct Snapshot {
+    pub(crate) definition: Arc<Definition>,
+    /// The seq of the last event.
+    pub(crate) revision: i64,
+    pub(crate) life: Life,
+    pub(crate) reconstruction: Reconstruction,
+    pub(crate) stats: Stats,
+    pub(crate) should_stop: Option<StopReason>,
+    pub(crate) digest: [u8; 32],
+    /// When the last event was accepted, in microseconds since 1970, UTC.
+    pub(crate) updated_us: i64,
+    /// What the last event cost to compute.
+    pub(crate) last_update: Duration,
+}
+
+impl Snapshot {
+    /// A session after its creation, which is event 1.
+    pub(crate) fn created(definition: Arc<Definition>) -> Self {
+        let reconstruction = Reconstruction::new(definition.config.clone());
+        Self {
+            revision: 1,
+            life: Life::AwaitingPrior,
+            stats: reconstruction.stats(),
+            should_stop: None,
+            digest: reconstruction.digest(),
+            updated_us: definition.created_us,
+            last_update: Duration::ZERO,
+            reconstruction,
+            definition,
+        }
+    }
+
+    /// The session after one more event, accepted at `at_us`. Costs milliseconds.
+    ///
+    /// # Errors
+    /// The method refuses the evidence.
+    pub(crate) fn absorb(
+        &self,
+        evidence: &Evidence,
+        at_us: i64,
+    ) -> Result<(Self, Update), palpate_core::error::Error> {
+        let started = Instant::now();
+        let (reconstruction, update) = self.reconstruction.absorb(evidence)?;
+        let next = Self {
+            definition: self.definition.clone(),
+            revision: self.revision + 1,
+            life: Life::Active,
+            stats: reconstruction.stats(),
+            should_stop: reconstruction.stop_reason(),
+            digest: reconstruction.digest(),
+            updated_us: at_us,
+            last_update: started.elapsed(),
+            reconstruction,
+        };
+        Ok((next, update))
+    }
+
+    /// The same state, set aside because the event `revision` cannot be replayed on it.
+    pub(crate) fn quarantined(self, revision: i64) -> Self {
+        Self { revision, life: Life::Quarantined, ..self }
+    }
+
+    /// Changes with every event, and differs from that of an earlier session of the same id.
+    pub(crate) fn etag(&self) -> String {
+        etag(self.definition.created_us, self.revision)
+    }
+
+    /// When an event that is accepted now happens: the clock, but never before the last event.
+    pub(crate) fn next_event_us(&self) -> i64 {
+        now_us().max(self.updated_us)
+    }
+
+    /// The digest of the state, in lower-case hexadecimal.
+    pub(crate) fn state_hash(&self) -> String {
+        hex(&self.digest)
+    }
+}
+
+/// The etag of a session created at `created_us`, at `revision`.
+pub(crate) fn etag(created_us: i64, revision: i64) -> String {
+    format!("{revision}-{created_us:x}")
+}
+
+/// Lower-case hexadecimal.
+pub(crate) fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// The server's clock, in microseconds since 1970, UTC.
+pub(crate) fn now_us() -> i64 {
+    let since_1970 = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+    i64::try_from(since_1970.as_micros()).unwrap_or(i64::MAX)
+}

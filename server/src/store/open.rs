@@ -1,0 +1,124 @@
+//! Opening the log: the pragmas that durability rests on are set, read back and insisted on.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use sqlx::migrate::{MigrateError, Migrator};
+use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
+use sqlx::{ConnectOptions, SqliteConnection, SqlitePool};
+
+static MIGRATIONS: Migrator = sqlx::migrate!("../migrations");
+
+/// Before this release a WAL file could be corrupted by a checkpoint.
+const OLDEST_SQLITE: [u32; 3] = [3, 51, 3];
+const READERS: u32 = 4;
+/// Another process may hold the file for the time of one of its commits.
+const BUSY_TIMEOUT: Duration = Duration::from_secs(5);
+
+/// Why the log cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum OpenError {
+    /// The file cannot be opened or created.
+    #[error("cannot open the database {path:?}: {source}")]
+    Open {
+        /// The file.
+        path: PathBuf,
+        /// What went wrong.
+        source: sqlx::Error,
+    },
+    /// The tables cannot be brought up to date.
+    #[error("cannot bring the tables of the database up to date: {0}")]
+    Migrate(#[from] MigrateError),
+    /// A question to the engine failed.
+    #[error("the database does not answer: {0}")]
+    Query(#[from] sqlx::Error),
+    /// The engine is one that may lose data.
+    #[error("SQLite {found} may corrupt its log of changes: {}.{}.{} or newer is needed", OLDEST_SQLITE[0], OLDEST_SQLITE[1], OLDEST_SQLITE[2])]
+    OldSqlite {
+        /// The engine's version.
+        found: String,
+    },
+    /// A setting did not take.
+    #[error("{setting} is {found:?} but must be {needed:?}: is the file on a disk that SQLite supports?")]
+    Setting {
+        /// Which pragma.
+        setting: &'static str,
+        /// What the engine says.
+        found: String,
+        /// What is needed.
+        needed: &'static str,
+    },
+}
+
+/// The one connection that writes, with migrations run and guarantees checked.
+pub(super) async fn writer(database: &Path) -> Result<SqliteConnection, OpenError> {
+    let options = options(database)
+        .create_if_missing(true)
+        .journal_mode(SqliteJournalMode::Wal)
+        .synchronous(SqliteSynchronous::Full);
+    let opened = options.connect().await;
+    let mut connection = opened.map_err(|source| OpenError::Open { path: database.into(), source })?;
+    check_version(&mut connection).await?;
+    check_settings(&mut connection).await?;
+    MIGRATIONS.run(&mut connection).await?;
+    Ok(connection)
+}
+
+/// Connections that cannot write.
+pub(super) async fn readers(database: &Path) -> Result<SqlitePool, OpenError> {
+    let options = options(database).read_only(true);
+    let opened = SqlitePoolOptions::new().max_connections(READERS).connect_with(options).await;
+    opened.map_err(|source| OpenError::Open { path: database.into(), source })
+}
+
+fn options(database: &Path) -> SqliteConnectOptions {
+    SqliteConnectOptions::new().filename(database).foreign_keys(true).busy_timeout(BUSY_TIMEOUT)
+}
+
+async fn check_version(connection: &mut SqliteConnection) -> Result<(), OpenError> {
+    let found: String = sqlx::query_scalar("select sqlite_version()").fetch_one(connection).await?;
+    if is_new_enough(&found) { Ok(()) } else { Err(OpenError::OldSqlite { found }) }
+}
+
+fn is_new_enough(version: &str) -> bool {
+    let parts: Vec<u32> = version.split('.').map_while(|part| part.parse().ok()).collect();
+    parts.as_slice() >= OLDEST_SQLITE.as_slice()
+}
+
+async fn check_settings(connection: &mut SqliteConnection) -> Result<(), OpenError> {
+    let found: String = sqlx::query_scalar("pragma journal_mode").fetch_one(&mut *connection).await?;
+    if found != "wal" {
+        return Err(OpenError::Setting { setting: "journal_mode", found, needed: "wal" });
+    }
+    for (setting, query, needed) in [
+        ("synchronous", "pragma synchronous", "2"), // 2 is full
+        ("foreign_keys", "pragma foreign_keys", "1"),
+    ] {
+        let found: i64 = sqlx::query_scalar(query).fetch_one(&mut *connection).await?;
+        if found.to_string() != needed {
+            return Err(OpenError::Setting { setting, found: found.to_string(), needed });
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn versions_are_compared_as_numbers() {
+        assert!(is_new_enough("3.51.3"));
+        assert!(is_new_enough("3.100.0"));
+        assert!(is_new_enough("4.0"));
+        assert!(!is_new_enough("3.51.2"));
+        assert!(!is_new_enough("3.9.99"));
+        assert!(!is_new_enough("unknown"));
+    }
+
+    #[tokio::test]
+    async fn a_folder_that_does_not_exist_is_named() {
+        let error = writer(Path::new("/nowhere/at/all/palpate.db")).await.unwrap_err();
+        assert!(error.to_string().contains("/nowhere/at/all/palpate.db"));
+    }
+}

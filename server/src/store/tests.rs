@@ -1,0 +1,160 @@
+//! The log's promises: durable, ordered, without gaps, and each race decided once.
+
+use super::*;
+
+async fn open(folder: &tempfile::TempDir) -> Store {
+    Store::open(&folder.path().join("log.db"), &Limits::default()).await.unwrap()
+}
+
+fn head(session_id: &str) -> SessionHead {
+    SessionHead { session_id: session_id.into(), created_us: 7, state: 1, summary: b"summary".to_vec() }
+}
+
+fn session(session_id: &str) -> NewSession {
+    let labels = [("object".to_owned(), session_id.to_owned())].into();
+    NewSession { head: head(session_id), experiment: "bench".into(), labels, id_is_ours: false }
+}
+
+fn event(seq: i64, request_id: &str) -> NewEvent {
+    NewEvent {
+        seq,
+        request_id: Some(request_id.into()),
+        request_digest: vec![1],
+        kind: "contact_result",
+        payload: vec![0, 255, 3],
+        reply: format!("reply to {request_id}").into_bytes(),
+        state_hash: "ab".into(),
+        stats_after: Vec::new(),
+        algorithm_version: "1",
+        append_us: 11,
+        actor: String::new(),
+    }
+}
+
+#[tokio::test]
+async fn what_was_acknowledged_is_there_after_reopening() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = open(&folder).await;
+    store.create(session("mug"), event(1, "a")).await.unwrap();
+    store.append(head("mug"), event(2, "b")).await.unwrap();
+    // Dropped and not closed: as near to a kill as one process can come.
+    drop(store);
+    let store = open(&folder).await;
+    let events = store.events("mug", 0, 10).await.unwrap();
+    assert_eq!(events.iter().map(|event| event.seq).collect::<Vec<_>>(), [1, 2]);
+    assert_eq!(events[1].payload, [0, 255, 3]);
+    assert_eq!(store.session("mug").await.unwrap().unwrap().head, 2);
+    let first = store.first_reply("mug", "b").await.unwrap().unwrap();
+    assert_eq!((first.request_digest, first.reply), (vec![1], b"reply to b".to_vec()));
+}
+
+#[tokio::test]
+async fn of_two_writers_of_one_seq_one_wins() {
+    let folder = tempfile::tempdir().unwrap();
+    // Two stores on one file stand for two processes.
+    let (one, other) = (open(&folder).await, open(&folder).await);
+    one.create(session("mug"), event(1, "a")).await.unwrap();
+    let (first, second) = tokio::join!(
+        one.append(head("mug"), event(2, "b")),
+        other.append(head("mug"), event(2, "c"))
+    );
+    assert_eq!(usize::from(first.is_ok()) + usize::from(second.is_ok()), 1);
+    assert_eq!(one.events("mug", 0, 10).await.unwrap().len(), 2);
+}
+
+#[tokio::test]
+async fn a_conflict_undoes_one_change_and_not_its_group() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = open(&folder).await;
+    store.create(session("mug"), event(1, "a")).await.unwrap();
+    let outcomes = tokio::join!(
+        store.create(session("can"), event(1, "a")),
+        store.append(head("mug"), event(5, "gap")),
+        store.append(head("mug"), event(2, "a")),
+        store.append(head("mug"), event(2, "b")),
+        store.append(head("pot"), event(2, "no such session")),
+    );
+    assert!(outcomes.0.is_ok() && outcomes.3.is_ok());
+    for refused in [outcomes.1, outcomes.2, outcomes.4] {
+        assert!(matches!(refused, Err(StoreError::Conflict)));
+    }
+    assert_eq!(store.session("mug").await.unwrap().unwrap().head, 2);
+}
+
+#[tokio::test]
+async fn many_writers_share_commits_and_lose_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = std::sync::Arc::new(open(&folder).await);
+    let writers: Vec<_> = (0..64)
+        .map(|number| {
+            let store = store.clone();
+            tokio::spawn(async move {
+                let id = format!("session-{number}");
+                store.create(session(&id), event(1, "a")).await.unwrap();
+                for seq in 2..6 {
+                    store.append(head(&id), event(seq, &format!("r{seq}"))).await.unwrap();
+                }
+            })
+        })
+        .collect();
+    for writer in writers {
+        writer.await.unwrap();
+    }
+    assert_eq!(store.session_count().await.unwrap(), 64);
+    for number in 0..64 {
+        assert_eq!(store.events(&format!("session-{number}"), 0, 10).await.unwrap().len(), 5);
+    }
+}
+
+#[tokio::test]
+async fn events_cannot_be_changed_or_removed_but_with_their_session() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = open(&folder).await;
+    store.create(session("mug"), event(1, "a")).await.unwrap();
+    let mut direct = open::writer(&folder.path().join("log.db")).await.unwrap();
+    assert!(sqlx::query("update events set payload = x'00'").execute(&mut direct).await.is_err());
+    assert!(sqlx::query("delete from events").execute(&mut direct).await.is_err());
+    let deletion = Deletion {
+        session_id: "mug".into(),
+        created_us: 7,
+        head: Some(1),
+        request: Some(("d".into(), vec![2])),
+    };
+    store.delete(deletion).await.unwrap();
+    assert!(store.events("mug", 0, 10).await.unwrap().is_empty());
+    assert_eq!(store.deleted_by("mug", "d").await.unwrap(), Some(vec![2]));
+}
+
+#[tokio::test]
+async fn lists_are_filtered_and_paged_newest_first() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = open(&folder).await;
+    for (id, created_us) in [("aaa", 1), ("bbb", 2), ("ccc", 2)] {
+        let mut new = session(id);
+        new.head.created_us = created_us;
+        store.create(new, event(1, "a")).await.unwrap();
+    }
+    let ids = |rows: &[SessionRow]| rows.iter().map(|row| row.session_id.clone()).collect::<Vec<_>>();
+    let all = Filter { experiment: Some("bench".into()), state: Some(1), ..Filter::default() };
+    let page = store.list(&all, None, 2).await.unwrap();
+    assert_eq!(ids(&page), ["ccc", "bbb"]);
+    let end = PageEnd { created_us: page[1].created_us, session_id: page[1].session_id.clone() };
+    assert_eq!(ids(&store.list(&all, Some(&end), 2).await.unwrap()), ["aaa"]);
+    let labelled = Filter { labels: [("object".into(), "bbb".into())].into(), ..Filter::default() };
+    assert_eq!(ids(&store.list(&labelled, None, 9).await.unwrap()), ["bbb"]);
+    let elsewhere = Filter { experiment: Some("other".into()), ..Filter::default() };
+    assert!(store.list(&elsewhere, None, 9).await.unwrap().is_empty());
+}
+
+#[tokio::test]
+async fn a_creation_without_id_is_found_by_its_request() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = open(&folder).await;
+    let ours = |id: &str| NewSession { id_is_ours: true, ..session(id) };
+    store.create(ours("one"), event(1, "a")).await.unwrap();
+    assert!(matches!(store.create(ours("two"), event(1, "a")).await, Err(StoreError::Conflict)));
+    assert_eq!(store.created_by("a").await.unwrap().as_deref(), Some("one"));
+    assert!(store.session("two").await.unwrap().is_none(), "the losing creation left nothing behind");
+    store.check_writable().await.unwrap();
+    store.close().await;
+}

@@ -1,0 +1,9 @@
+//! Between messages of the contract and values of the method, by free functions.
+//!
+//! `from_proto` refuses and names the field as the caller wrote it; `to_proto` cannot fail. Both
+//! take messages apart without `..`, so that a new field is a compile error and never overlooked.
+
+pub(crate) mod candidate_id;
+pub(crate) mod event;
+pub(crate) mod from_proto;
+pub(crate) mod to_proto;

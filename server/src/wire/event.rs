@@ -1,0 +1,110 @@
+//! Events as they are stored, and what they do to a session.
+//!
+//! The payload is the `kind` of the contract's `Event`, so the log keeps what the caller sent, bit
+//! for bit. Reading it back and applying it is the same code as for a live request.
+
+use std::sync::Arc;
+
+use palpate_core::evidence::Evidence;
+use palpate_proto::v1::event::Kind;
+use palpate_proto::{Bytes, v1};
+use prost::Message;
+
+use super::{from_proto, to_proto};
+use crate::limits::Limits;
+use crate::session::Snapshot;
+use crate::store::EventRow;
+
+/// Why a stored event cannot be applied; for the log.
+#[derive(Debug, thiserror::Error)]
+#[error("event {seq}: {reason}")]
+pub(crate) struct FoldError {
+    seq: i64,
+    reason: String,
+}
+
+/// The stored form of an event: its name for people who read the table, and its bytes.
+pub(crate) fn encode(kind: Kind) -> (&'static str, Vec<u8>) {
+    let name = match &kind {
+        Kind::Created(_) => "created",
+        Kind::VisualPrior(_) => "visual_prior",
+        Kind::ContactResult(_) => "contact_result",
+        Kind::RetractedSeq(_) => "retracted",
+        Kind::Finished(_) => "finished",
+    };
+    (name, v1::Event { kind: Some(kind), ..v1::Event::default() }.encode_to_vec())
+}
+
+/// The contract's event; the bytes of a cloud are left out unless `include_points`.
+///
+/// # Errors
+/// The stored bytes are no event.
+pub(crate) fn decode(row: EventRow, include_points: bool) -> Result<v1::Event, FoldError> {
+    let seq = row.seq;
+    let EventRow {
+        seq: _,
+        request_id,
+        payload,
+        reply: _,
+        state_hash,
+        stats_after,
+        algorithm_version: _,
+        append_us,
+        actor,
+    } = row;
+    let stats_after = v1::SessionStats::decode(stats_after.as_slice());
+    let mut kind = kind(seq, &payload)?;
+    if let (Kind::VisualPrior(prior), false) = (&mut kind, include_points) {
+        prior.points = Bytes::new();
+    }
+    Ok(v1::Event {
+        seq,
+        append_time: Some(to_proto::timestamp(append_us)),
+        actor,
+        request_id: request_id.unwrap_or_default(),
+        kind: Some(kind),
+        stats_after: Some(stats_after.map_err(|error| FoldError { seq, reason: error.to_string() })?),
+        state_hash,
+    })
+}
+
+/// The session after a stored event, which is the creation where there is no session before.
+///
+/// # Errors
+/// The event cannot be read, or cannot be applied here: the log is damaged or of another version.
+pub(crate) fn fold(before: Option<&Snapshot>, row: &EventRow, limits: &Limits) -> Result<Snapshot, FoldError> {
+    let seq = row.seq;
+    let failed = |reason: String| FoldError { seq, reason };
+    let expected = before.map_or(1, |snapshot| snapshot.revision + 1);
+    if seq != expected {
+        return Err(failed(format!("event {expected} is missing")));
+    }
+    let evidence = match (before, kind(seq, &row.payload)?) {
+        (None, Kind::Created(request)) => {
+            let definition = from_proto::definition(&request, row.append_us, limits);
+            let definition = definition.map_err(|error| failed(error.to_string()))?;
+            return Ok(Snapshot::created(Arc::new(definition)));
+        }
+        (Some(_), Kind::VisualPrior(prior)) => {
+            from_proto::visual_prior("prior", &prior).map(|prior| Evidence::VisualPrior(prior.evidence))
+        }
+        (Some(before), Kind::ContactResult(result)) => {
+            from_proto::attempt(&result, &before.definition, before.revision, limits).map(Evidence::Attempt)
+        }
+        (_, Kind::Created(_) | Kind::VisualPrior(_) | Kind::ContactResult(_)) => {
+            return Err(failed("a session has one creation, and begins with it".into()));
+        }
+        (_, Kind::RetractedSeq(_) | Kind::Finished(_)) => {
+            return Err(failed("is of a kind that this version does not know".into()));
+        }
+    };
+    let evidence = evidence.map_err(|error| failed(error.to_string()))?;
+    let before = before.ok_or_else(|| failed("has no creation before it".into()))?;
+    let absorbed = before.absorb(&evidence, row.append_us);
+    absorbed.map(|(after, _update)| after).map_err(|error| failed(error.to_string()))
+}
+
+fn kind(seq: i64, payload: &[u8]) -> Result<Kind, FoldError> {
+    let event = v1::Event::decode(payload).map_err(|error| FoldError { seq, reason: error.to_string() })?;
+    event.kind.ok_or_else(|| FoldError { seq, reason: "says nothing".into() })
+}

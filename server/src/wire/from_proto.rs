@@ -1,0 +1,56 @@
+//! From messages to values: everything that a caller can get wrong is refused here, by its name.
+
+mod config;
+mod contact;
+mod definition;
+mod geometry;
+mod prior;
+mod robot;
+
+use palpate_core::error::FieldError;
+use palpate_proto::Timestamp;
+
+use crate::error::{Error, FieldViolation};
+
+pub(crate) use contact::attempt;
+pub(crate) use definition::{check_labels, check_session_id, definition};
+pub(crate) use prior::{Prior, visual_prior};
+pub(crate) use robot::exploration_request;
+
+/// The method's complaint about a field, with the path at which the caller wrote it.
+fn at(path: &str, error: FieldError) -> Error {
+    let FieldError { field, reason, non_finite } = error;
+    Error::Fields(vec![FieldViolation { field: format!("{path}.{field}"), description: reason, non_finite }])
+}
+
+fn required<'a, T>(field: &str, value: Option<&'a T>) -> Result<&'a T, Error> {
+    value.ok_or_else(|| Error::field(field, "is missing"))
+}
+
+fn non_finite(field: impl Into<String>, description: impl Into<String>) -> Error {
+    Error::Fields(vec![FieldViolation {
+        field: field.into(),
+        description: description.into(),
+        non_finite: true,
+    }])
+}
+
+/// Refuses texts that are longer than `limit` bytes.
+pub(crate) fn check_text(field: &str, text: &str, limit: usize) -> Result<(), Error> {
+    if text.len() <= limit {
+        return Ok(());
+    }
+    Err(Error::field(field, format!("has {} bytes, more than the limit of {limit}", text.len())))
+}
+
+fn check_timestamp(field: &str, time: Option<&Timestamp>) -> Result<(), Error> {
+    match time {
+        Some(Timestamp { seconds: _, nanos }) if !(0..1_000_000_000).contains(nanos) => {
+            Err(Error::field(field, format!("{nanos} ns are no part of a second")))
+        }
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,84 @@
+//! What a session is created with.
+
+use std::collections::BTreeMap;
+
+use palpate_proto::v1;
+
+use super::check_text;
+use super::config::config;
+use crate::error::Error;
+use crate::limits::Limits;
+use crate::session::Definition;
+
+/// The frame of a session that names none, as robot drivers call the robot's foot.
+const DEFAULT_FRAME: &str = "base";
+
+/// A session's definition from the request that creates it; `request.session_id` must be set by now.
+///
+/// # Errors
+/// A name, a label or a part of the configuration cannot be used.
+pub(crate) fn definition(
+    request: &v1::CreateSessionRequest,
+    created_us: i64,
+    limits: &Limits,
+) -> Result<Definition, Error> {
+    let v1::CreateSessionRequest {
+        session_id,
+        display_name,
+        experiment,
+        frame_id,
+        labels,
+        config: wanted_config,
+        request_id,
+    } = request;
+    check_text("display_name", display_name, limits.name_bytes)?;
+    check_text("experiment", experiment, limits.name_bytes)?;
+    check_text("frame_id", frame_id, limits.name_bytes)?;
+    check_text("request_id", request_id, limits.name_bytes)?;
+    check_labels(labels, limits)?;
+    let (config, sensors) = config(&wanted_config.clone().unwrap_or_default(), limits)?;
+    let frame_id = if frame_id.is_empty() { DEFAULT_FRAME } else { frame_id };
+    Ok(Definition {
+        session_id: session_id.clone(),
+        display_name: display_name.clone(),
+        experiment: experiment.clone(),
+        frame_id: frame_id.to_owned(),
+        labels: labels.clone(),
+        config,
+        sensors,
+        created_us,
+    })
+}
+
+/// # Errors
+/// Too many labels, one without a name, or one that is too long.
+pub(crate) fn check_labels(labels: &BTreeMap<String, String>, limits: &Limits) -> Result<(), Error> {
+    if labels.len() > limits.labels {
+        let description = format!("{} labels are more than the limit of {}", labels.len(), limits.labels);
+        return Err(Error::field("labels", description));
+    }
+    for (name, value) in labels {
+        if name.is_empty() {
+            return Err(Error::field("labels", "a label has no name"));
+        }
+        check_text("labels", name, limits.name_bytes)?;
+        check_text(&format!("labels[{name}]"), value, limits.name_bytes)?;
+    }
+    Ok(())
+}
+
+/// Whether `session_id` may be chosen for a new session.
+///
+/// # Errors
+/// It does not match `[a-z][a-z0-9-]{2,62}`.
+pub(crate) fn check_session_id(session_id: &str) -> Result<(), Error> {
+    let mut bytes = session_id.bytes();
+    let well_formed = bytes.next().is_some_and(|first| first.is_ascii_lowercase())
+        && bytes.all(|byte| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'-')
+        && (3..=63).contains(&session_id.len());
+    if well_formed {
+        return Ok(());
+    }
+    let rule = "use 3 to 63 lower-case letters, digits and hyphens, a letter first; or leave it empty for a UUID";
+    Err(Error::field("session_id", format!("{session_id:?} cannot be used: {rule}")))
+}
