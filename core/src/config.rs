@@ -96,7 +96,7 @@ impl Default for Settings {
 }
 
 /// Parameters that have been checked.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Config(Settings);
 
 impl Config {
@@ -135,12 +135,6 @@ impl Config {
             return Err(FieldError::invalid("icosphere_subdivisions", reason));
         }
         Ok(Self(settings))
-    }
-}
-
-impl Default for Config {
-    fn default() -> Self {
-        Self(Settings::default())
     }
 }
 

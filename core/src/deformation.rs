@@ -3,6 +3,7 @@
 
 use faer::linalg::solvers::Solve;
 use faer::{Col, Mat};
+use wide::f64x4;
 
 use crate::attractor::Attractor;
 use crate::geometry::{Direction, Point, SurfaceIndex, TriangleMesh, Vector};
@@ -52,9 +53,18 @@ pub struct PlateReport {
 #[derive(Clone, Debug)]
 pub struct ThinPlate {
     origin: Point,
-    centres: Vec<Vector>,
-    weights: Vec<f64>,
+    centres: Vec<Centres>,
     linear: [f64; 4],
+}
+
+/// Four centres with their weights: the kernel is evaluated four at a time. The last ones are
+/// filled up with weights of zero.
+#[derive(Clone, Copy, Debug)]
+struct Centres {
+    x: f64x4,
+    y: f64x4,
+    z: f64x4,
+    weight: f64x4,
 }
 
 impl ThinPlate {
@@ -87,19 +97,35 @@ impl ThinPlate {
             .fold((f64::INFINITY, 0.0_f64), |(low, high), pivot| (low.min(pivot), high.max(pivot)));
         let report = PlateReport { residual_m: mean_square.sqrt(), condition: largest / smallest };
         let linear = std::array::from_fn(|power| solution[count + power]);
-        (Self { origin, centres, weights, linear }, report)
+        let lanes = |from: usize, value: &dyn Fn(usize) -> f64| {
+            f64x4::from(std::array::from_fn(
+                |lane| if from + lane < count { value(from + lane) } else { 0.0 },
+            ))
+        };
+        let centres = (0..count)
+            .step_by(4)
+            .map(|from| Centres {
+                x: lanes(from, &|row| centres[row].x),
+                y: lanes(from, &|row| centres[row].y),
+                z: lanes(from, &|row| centres[row].z),
+                weight: lanes(from, &|row| weights[row]),
+            })
+            .collect();
+        (Self { origin, centres, linear }, report)
     }
 
     /// The displacement at a point, in metres.
     pub fn displacement_m(&self, point: &Point) -> f64 {
         let x = scaled(&self.origin, point);
-        let bending: f64 = self
-            .centres
-            .iter()
-            .zip(&self.weights)
-            .map(|(centre, weight)| weight * kernel((x - centre).norm_squared()))
-            .sum();
-        bending + self.linear[0] + self.linear[1] * x.x + self.linear[2] * x.y + self.linear[3] * x.z
+        let mut bending = f64x4::ZERO;
+        for centres in &self.centres {
+            let (dx, dy, dz) = (centres.x - x.x, centres.y - x.y, centres.z - x.z);
+            // A square of nearly zero keeps the logarithm finite, and gives zero all the same.
+            let square = (dx * dx + dy * dy + dz * dz).max(f64x4::splat(1e-300));
+            bending += centres.weight * square * square.ln();
+        }
+        let flat = self.linear[0] + self.linear[1] * x.x + self.linear[2] * x.y + self.linear[3] * x.z;
+        0.5 * bending.reduce_add() + flat
     }
 
     /// Moves every vertex along its normal by the displacement there: `v + F(v) n`.

@@ -154,7 +154,8 @@ impl View<'_> {
 struct Ranked {
     vertex: u32,
     terms: Vec<ScoreTerm>,
-    why: String,
+    /// Mean geodesic distance to the confident vertices around it, where the strategy asked for it.
+    mean_geodesic_m: Option<f64>,
 }
 
 impl Ranked {
@@ -164,11 +165,12 @@ impl Ranked {
 }
 
 /// Vertices in the order of their preference, and what was left out.
-#[derive(Debug, Default)]
 struct Ranking {
     ranked: Vec<Ranked>,
     relaxed: bool,
     excluded: Excluded,
+    /// Why a vertex is offered, in words; asked only of those that become candidates.
+    why: Box<dyn Fn(&Ranked) -> String>,
 }
 
 /// Proposes the next contacts.
@@ -195,7 +197,7 @@ pub fn propose(view: &View<'_>, request: &Request) -> Proposal {
         }
         let point = view.mesh.vertices[ranked.vertex as usize];
         if candidates.iter().all(|other| (other.point - point).norm() >= SEPARATION_M) {
-            candidates.push(candidate(view, ranked, ranking.relaxed));
+            candidates.push(candidate(view, ranked, &ranking));
         }
     }
     let excluded = Excluded { keep_out: excluded.keep_out, ..ranking.excluded };
@@ -208,10 +210,10 @@ pub fn is_exhausted(view: &View<'_>) -> bool {
         && (0..view.mesh.vertices.len() as u32).all(|vertex| proactive::is_taboo(view, vertex))
 }
 
-fn candidate(view: &View<'_>, ranked: &Ranked, relaxed: bool) -> Candidate {
+fn candidate(view: &View<'_>, ranked: &Ranked, ranking: &Ranking) -> Candidate {
     let vertex = ranked.vertex as usize;
     let (probe_start, probe_end) = view.probe_way(vertex);
-    let mean_geodesic_m = proactive::Frontier::new(view).mean_geodesic_m(ranked.vertex).unwrap_or(0.0);
+    let measure = || proactive::Frontier::new(view).mean_geodesic_m(ranked.vertex);
     Candidate {
         vertex: ranked.vertex,
         point: view.mesh.vertices[vertex],
@@ -222,9 +224,9 @@ fn candidate(view: &View<'_>, ranked: &Ranked, relaxed: bool) -> Candidate {
         terms: ranked.terms.clone(),
         uncertainty: view.uncertainty[vertex],
         std_m: None,
-        mean_geodesic_m,
+        mean_geodesic_m: ranked.mean_geodesic_m.or_else(measure).unwrap_or(0.0),
         failure_risk: None,
-        relaxed,
-        why: ranked.why.clone(),
+        relaxed: ranking.relaxed,
+        why: (ranking.why)(ranked),
     }
 }

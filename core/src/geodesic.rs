@@ -15,20 +15,43 @@ use crate::uncertainty::Ring;
 #[derive(Debug)]
 pub struct Geodesics<'a> {
     sphere: &'a Icosphere,
-    vertices: &'a [Point],
+    corners: Vec<[Corner; 3]>,
     distance_m: Vec<f64>,
     front: BinaryHeap<Front>,
 }
 
+/// A corner of a triangle laid out over the edge opposite to it: the edge's first vertex at the
+/// origin, its second on the x axis, the corner above.
+#[derive(Clone, Copy, Debug)]
+struct Corner {
+    vertex: u32,
+    first: u32,
+    second: u32,
+    edge_m: f64,
+    x_m: f64,
+    y_m: f64,
+    to_first_m: f64,
+    to_second_m: f64,
+}
+
 impl<'a> Geodesics<'a> {
     /// A search over the icosphere's faces with the given vertex positions, in metres.
-    pub fn new(sphere: &'a Icosphere, vertices: &'a [Point]) -> Self {
-        Self { sphere, vertices, distance_m: vec![f64::INFINITY; vertices.len()], front: BinaryHeap::new() }
+    pub fn new(sphere: &'a Icosphere, vertices: &[Point]) -> Self {
+        let lay_out = |&[a, b, c]: &[u32; 3]| {
+            [(a, b, c), (b, c, a), (c, a, b)]
+                .map(|(corner, first, second)| Corner::new(vertices, corner, first, second))
+        };
+        Self {
+            sphere,
+            corners: sphere.faces.iter().map(lay_out).collect(),
+            distance_m: vec![f64::INFINITY; vertices.len()],
+            front: BinaryHeap::new(),
+        }
     }
 
-    /// Spreads from `source` over the vertices that `ring` has reached; then ask [`Self::to`].
-    pub fn spread(&mut self, source: u32, ring: &Ring, within: &[u32]) {
-        for &vertex in within {
+    /// Spreads from `source` over the vertices that `ring` reached last; then ask [`Self::to`].
+    pub fn spread(&mut self, source: u32, ring: &Ring) {
+        for &vertex in ring.vertices() {
             self.distance_m[vertex as usize] = f64::INFINITY;
         }
         self.distance_m[source as usize] = 0.0;
@@ -39,15 +62,9 @@ impl<'a> Geodesics<'a> {
                 continue;
             }
             for &face in self.sphere.faces_at(vertex as usize) {
-                let [a, b, c] = self.sphere.faces[face as usize];
-                let (left, right) = match vertex {
-                    v if v == a => (b, c),
-                    v if v == b => (c, a),
-                    _ => (a, b),
-                };
-                for (target, other) in [(left, right), (right, left)] {
-                    if ring.reached(target) {
-                        self.relax(target, vertex, other, ring);
+                for corner in self.corners[face as usize] {
+                    if corner.vertex != vertex && ring.reached(corner.vertex) {
+                        self.relax(&corner, ring, distance_m);
                     }
                 }
             }
@@ -59,43 +76,55 @@ impl<'a> Geodesics<'a> {
         self.distance_m[vertex as usize]
     }
 
-    /// Reaches `target` from `from` along their edge, or across the edge from `from` to `other`.
-    fn relax(&mut self, target: u32, from: u32, other: u32, ring: &Ring) {
-        let [target_at, from_at, other_at] = [target, from, other].map(|v| self.vertices[v as usize]);
-        let from_m = self.distance_m[from as usize];
-        let other_m = if ring.reached(other) { self.distance_m[other as usize] } else { f64::INFINITY };
-        let along = from_m + (target_at - from_at).norm();
-        let reached =
-            across(&target_at, (&from_at, from_m), (&other_at, other_m)).unwrap_or(along).min(along);
-        let known = &mut self.distance_m[target as usize];
-        if reached < *known * (1.0 - 1e-12) {
-            *known = reached;
-            self.front.push(Front { distance_m: reached, vertex: target });
+    /// Reaches a corner along its edges or straight across the opposite edge, once the front has
+    /// come to `front_m`: nothing nearer than that can still change.
+    fn relax(&mut self, corner: &Corner, ring: &Ring, front_m: f64) {
+        let known_m = self.distance_m[corner.vertex as usize];
+        if known_m <= front_m {
+            return;
+        }
+        let at =
+            |vertex: u32| if ring.reached(vertex) { self.distance_m[vertex as usize] } else { f64::INFINITY };
+        let (first_m, second_m) = (at(corner.first), at(corner.second));
+        let along = (first_m + corner.to_first_m).min(second_m + corner.to_second_m);
+        let reached = corner.across(first_m, second_m).map_or(along, |across| across.min(along));
+        if reached < known_m * (1.0 - 1e-12) {
+            self.distance_m[corner.vertex as usize] = reached;
+            self.front.push(Front { distance_m: reached, vertex: corner.vertex });
         }
     }
 }
 
-/// The distance to `target` straight across the edge of two vertices with known distances, where
-/// the straight line does cross that edge.
-fn across(target: &Point, (a, a_m): (&Point, f64), (b, b_m): (&Point, f64)) -> Option<f64> {
-    if !b_m.is_finite() {
-        return None;
+impl Corner {
+    fn new(vertices: &[Point], corner: u32, first: u32, second: u32) -> Self {
+        let [at, first_at, second_at] = [corner, first, second].map(|v| vertices[v as usize]);
+        let (edge, offset) = (second_at - first_at, at - first_at);
+        let edge_m = edge.norm();
+        let x_m = if edge_m > 0.0 { offset.dot(&edge) / edge_m } else { 0.0 };
+        let y_m = (offset.norm_squared() - x_m * x_m).max(0.0).sqrt();
+        let (to_first_m, to_second_m) = (offset.norm(), (at - second_at).norm());
+        Self { vertex: corner, first, second, edge_m, x_m, y_m, to_first_m, to_second_m }
     }
-    let edge = b - a;
-    let length = edge.norm();
-    // In the plane of the triangle: a at the origin, b on the x axis, the target above, the source below.
-    let source_x = (a_m * a_m - b_m * b_m + length * length) / (2.0 * length);
-    let source_y_square = a_m * a_m - source_x * source_x;
-    if source_y_square < 0.0 || length == 0.0 {
-        return None;
+
+    /// The distance straight across the edge from the source that the distances of its ends imply,
+    /// where the straight line does cross the edge.
+    fn across(&self, first_m: f64, second_m: f64) -> Option<f64> {
+        if !(first_m.is_finite() && second_m.is_finite() && self.edge_m > 0.0) {
+            return None;
+        }
+        let square = first_m * first_m;
+        let source_x = (square - second_m * second_m + self.edge_m * self.edge_m) / (2.0 * self.edge_m);
+        let depth_square = square - source_x * source_x;
+        if depth_square < 0.0 {
+            return None;
+        }
+        // The source lies below the edge by its depth, the corner above it.
+        let depth = depth_square.sqrt();
+        let (run, rise) = (self.x_m - source_x, self.y_m + depth);
+        let crossing = source_x * rise + depth * run;
+        (rise > 0.0 && (0.0..=self.edge_m * rise).contains(&crossing))
+            .then(|| (run * run + rise * rise).sqrt())
     }
-    let offset = target - a;
-    let target_x = offset.dot(&edge) / length;
-    let target_y = (offset.norm_squared() - target_x * target_x).max(0.0).sqrt();
-    let source_y = -source_y_square.sqrt();
-    let rise = target_y - source_y;
-    let crossing = source_x - source_y * (target_x - source_x) / rise;
-    (rise > 0.0 && (0.0..=length).contains(&crossing)).then(|| (target_x - source_x).hypot(rise))
 }
 
 #[derive(Debug, PartialEq)]
@@ -128,9 +157,9 @@ mod tests {
         let vertices: Vec<Point> =
             sphere.directions.iter().map(|d| map(&Point::from(d.into_inner()))).collect();
         let mut ring = Ring::new(vertices.len());
-        let all = ring.around(sphere, source, 1000).to_vec();
+        ring.around(sphere, source, 1000);
         let mut geodesics = Geodesics::new(sphere, &vertices);
-        geodesics.spread(source, &ring, &all);
+        geodesics.spread(source, &ring);
         let found = (0..vertices.len() as u32).map(|v| geodesics.to(v)).collect();
         (vertices, found)
     }

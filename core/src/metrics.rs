@@ -144,7 +144,8 @@ impl Reference {
         let sampler = SurfaceSampler::new(reconstruction).ok_or(MetricsError::EmptyReconstruction)?;
         let points = chamfer_points(&sampler, self.sampling, Stream::ReconstructionChamfer);
         let nearest = NearestPoints::new(points.clone());
-        let sum_m = mean_nearest_m(&points, &self.chamfer_nearest) + mean_nearest_m(&self.chamfer_points, &nearest);
+        let sum_m =
+            mean_nearest_m(&points, &self.chamfer_nearest) + mean_nearest_m(&self.chamfer_points, &nearest);
         Ok(Chamfer { sum_m, mean_m: 0.5 * sum_m })
     }
 

@@ -87,6 +87,11 @@ impl Ring {
         &self.vertices
     }
 
+    /// What the last search reached.
+    pub fn vertices(&self) -> &[u32] {
+        &self.vertices
+    }
+
     /// Whether the last search reached `vertex`.
     pub fn reached(&self, vertex: u32) -> bool {
         self.seen[vertex as usize] == self.search

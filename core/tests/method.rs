@@ -1,5 +1,7 @@
 //! The whole method against analytic truth, its symmetries and degenerate input.
 
+#![expect(clippy::unwrap_used, reason = "a test that meets nothing where something must be has failed")]
+
 use nalgebra::{Rotation3, UnitQuaternion};
 use palpate_core::config::{Config, Settings, StopRule, Strategy};
 use palpate_core::error::Error;

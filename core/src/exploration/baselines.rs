@@ -37,7 +37,7 @@ pub(super) fn uniform(view: &View<'_>, reachable: &[u32]) -> Ranking {
             let offset = view.mesh.vertices[vertex as usize] - view.centre;
             offset.try_normalize(0.0).map_or(-1.0, |towards| towards.dot(&direction))
         },
-        |_| format!("direction {} of {count} spread evenly over the sphere", turn + 1),
+        move |_| format!("direction {} of {count} spread evenly over the sphere", turn + 1),
     )
 }
 
@@ -78,15 +78,14 @@ fn by_value(
     vertices: Vec<u32>,
     term: &'static str,
     value: impl Fn(u32) -> f64,
-    why: impl Fn(f64) -> String,
+    why: impl Fn(f64) -> String + 'static,
 ) -> Ranking {
-    let mut ranked: Vec<Ranked> = vertices
-        .into_iter()
-        .map(|vertex| {
-            let value = value(vertex);
-            Ranked { vertex, terms: vec![ScoreTerm { term, weight: 1.0, value }], why: why(value) }
-        })
-        .collect();
+    let offer = |vertex| {
+        let terms = vec![ScoreTerm { term, weight: 1.0, value: value(vertex) }];
+        Ranked { vertex, terms, mean_geodesic_m: None }
+    };
+    let mut ranked: Vec<Ranked> = vertices.into_iter().map(offer).collect();
     ranked.sort_by(|a, b| b.score().total_cmp(&a.score()));
-    Ranking { ranked, relaxed: false, excluded: Excluded::default() }
+    let why = Box::new(move |ranked: &Ranked| why(ranked.score()));
+    Ranking { ranked, relaxed: false, excluded: Excluded::default(), why }
 }

@@ -49,56 +49,37 @@ pub(super) fn rank(view: &View<'_>, reachable: &[u32]) -> Ranking {
     if chosen.is_empty() {
         chosen = free;
     }
-    let geodesics: Vec<f64> =
-        chosen.iter().map(|&vertex| frontier.mean_geodesic_m(vertex).unwrap_or(0.0)).collect();
-    let largest = geodesics.iter().copied().fold(0.0, f64::max);
-    let mut ranked: Vec<Ranked> = chosen
-        .iter()
-        .zip(&geodesics)
-        .map(|(&vertex, &geodesic_m)| {
-            let distance = if largest > 0.0 { geodesic_m / largest } else { 0.0 };
-            Ranked {
-                vertex,
-                terms: vec![
-                    ScoreTerm { term: "geodesic", weight: view.config.alpha_geodesic, value: distance },
-                    ScoreTerm {
-                        term: "uncertainty",
-                        weight: view.config.alpha_uncertainty,
-                        value: uncertainty(vertex),
-                    },
-                ],
-                why: String::new(),
-            }
-        })
-        .collect();
+    let geodesics: Vec<Option<f64>> = chosen.iter().map(|&vertex| frontier.mean_geodesic_m(vertex)).collect();
+    let largest = geodesics.iter().flatten().copied().fold(0.0, f64::max);
+    let weigh = |(vertex, mean_geodesic_m): (u32, Option<f64>)| {
+        let distance = if largest > 0.0 { mean_geodesic_m.unwrap_or(0.0) / largest } else { 0.0 };
+        let term = |term, weight, value| ScoreTerm { term, weight, value };
+        let terms = vec![
+            term("geodesic", view.config.alpha_geodesic, distance),
+            term("uncertainty", view.config.alpha_uncertainty, uncertainty(vertex)),
+        ];
+        Ranked { vertex, terms, mean_geodesic_m }
+    };
+    let mut ranked: Vec<Ranked> = chosen.into_iter().zip(geodesics).map(weigh).collect();
     // A stable sort: equal scores stay in the order of their numbers.
     ranked.sort_by(|a, b| b.score().total_cmp(&a.score()));
-    for (place, ranked) in ranked.iter_mut().enumerate().take(100) {
-        ranked.why = explain(view, &mut frontier, ranked.vertex, place, relaxed.then_some(threshold));
-    }
-    Ranking { ranked, relaxed, excluded }
+    let why = Box::new(move |ranked: &Ranked| explain(ranked, relaxed.then_some(threshold)));
+    Ranking { ranked, relaxed, excluded, why }
 }
 
-fn explain(
-    view: &View<'_>,
-    frontier: &mut Frontier<'_>,
-    vertex: u32,
-    place: usize,
-    relaxed: Option<f64>,
-) -> String {
-    let u = view.uncertainty[vertex as usize];
-    let place = if place == 0 { "best".to_owned() } else { format!("number {}", place + 1) };
-    let known = match frontier.mean_geodesic_m(vertex) {
+fn explain(ranked: &Ranked, lowered: Option<f64>) -> String {
+    let u = ranked.terms[1].value;
+    let distance = match ranked.mean_geodesic_m {
         Some(m) => {
             format!("on average {:.0} mm along the surface from the confident vertices around it", 1e3 * m)
         }
         None => "with nothing confident around it".to_owned(),
     };
-    let rule = match relaxed {
+    let rule = match lowered {
         Some(threshold) => format!("; nothing met candidate_min, which was lowered to {threshold:.2}"),
         None => String::new(),
     };
-    format!("{place} on the frontier: uncertainty {u:.2}, {known}{rule}")
+    format!("at the frontier of what is known: uncertainty {u:.2}, {distance}{rule}")
 }
 
 /// Whether a candidate close by failed and too little has been learnt since.
@@ -140,13 +121,15 @@ impl<'a> Frontier<'a> {
 
     /// Mean geodesic distance from a vertex to the confident vertices of its ring, in metres.
     pub(super) fn mean_geodesic_m(&mut self, vertex: u32) -> Option<f64> {
-        let within = self.ring.around(self.view.sphere, vertex, self.hops).to_vec();
-        self.geodesics.spread(vertex, &self.ring, &within);
-        let confident: Vec<f64> = within
-            .iter()
-            .filter(|&&other| other != vertex && self.is_confident(other))
-            .map(|&other| self.geodesics.to(other))
-            .collect();
-        (!confident.is_empty()).then(|| confident.iter().sum::<f64>() / confident.len() as f64)
+        self.ring.around(self.view.sphere, vertex, self.hops);
+        self.geodesics.spread(vertex, &self.ring);
+        let (mut sum, mut count) = (0.0, 0_u32);
+        for &other in self.ring.vertices() {
+            if other != vertex && self.is_confident(other) {
+                sum += self.geodesics.to(other);
+                count += 1;
+            }
+        }
+        (count > 0).then(|| sum / f64::from(count))
     }
 }
