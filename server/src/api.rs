@@ -1,55 +1,191 @@
 //! What the service does, in messages of the contract: the one layer under gRPC and HTTP.
 //!
-//! Here a request is read, checked and turned into values of the method, and the outcome is turned
-//! back. The transports above only move bytes; the sessions below know nothing of messages.
+//! Here a request is checked and turned into values of the method, and the outcome is turned back.
+//! The transports above only move messages; the sessions below only keep order.
+//!
+//! Etags in messages are bare; HTTP puts the quotes around them.
 
+mod exploration;
+mod explore;
+mod mesh;
+mod reading;
+mod sessions;
+mod watch;
+
+use std::sync::Arc;
+use std::thread::available_parallelism;
+
+use palpate_core::reconstruction::ALGORITHM_VERSION;
 use palpate_proto::v1;
-use tokio_stream::Stream;
+use prost::{Message, Name};
+use sha2::{Digest, Sha256};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::time::Instant;
+use tokio_stream::wrappers::ReceiverStream;
+use tokio_util::sync::CancellationToken;
+use tracing::Instrument;
+use uuid::Uuid;
 
+use crate::compute::Pool;
 use crate::error::Error;
+use crate::limits::Limits;
+use crate::sessions::{RequestKey, Sessions, down};
+use crate::store::Store;
+
+/// Messages of a stream that wait for a slow reader; the producer then waits too.
+const STREAM_BUFFER: usize = 16;
+
+/// A stream of replies; an error ends it.
+pub(crate) type Replies<T> = ReceiverStream<Result<T, Error>>;
 
 /// The service; cheap to clone.
-#[derive(Clone)]
-pub struct Api { limits: std::sync::Arc<crate::limits::Limits> }
+#[derive(Clone, Debug)]
+pub(crate) struct Api {
+    sessions: Arc<Sessions>,
+    limits: Arc<Limits>,
+    streams: Arc<Semaphore>,
+    stopping: CancellationToken,
+    instance_id: Uuid,
+}
 
 /// Who calls, and until when an answer is of use.
 #[derive(Clone, Debug, Default)]
-pub struct Call {
+pub(crate) struct Call {
     /// When the caller stops waiting; unset = the server's own bound.
-    pub deadline: Option<tokio::time::Instant>,
-    /// Who calls, as far as the server knows: written to the log of events.
-    pub actor: String,
+    pub(crate) deadline: Option<Instant>,
+    /// Who calls, as far as the server knows; it goes into the log of events.
+    pub(crate) actor: String,
 }
 
 impl Api {
-    #[doc = ""]
-    pub async fn create_session(&self, request: v1::CreateSessionRequest, call: Call) -> Result<v1::Session, Error> { let _ = (request, call); Err(Error::unimplemented("create_session")) }
-    #[doc = ""]
-    pub async fn get_session(&self, request: v1::GetSessionRequest, call: Call) -> Result<v1::Session, Error> { let _ = (request, call); Err(Error::unimplemented("get_session")) }
-    #[doc = ""]
-    pub async fn list_sessions(&self, request: v1::ListSessionsRequest, call: Call) -> Result<v1::ListSessionsResponse, Error> { let _ = (request, call); Err(Error::unimplemented("list_sessions")) }
-    #[doc = ""]
-    pub async fn delete_session(&self, request: v1::DeleteSessionRequest, call: Call) -> Result<v1::DeleteSessionResponse, Error> { let _ = (request, call); Err(Error::unimplemented("delete_session")) }
-    #[doc = ""]
-    pub async fn add_visual_prior(&self, request: v1::AddVisualPriorRequest, call: Call) -> Result<v1::AddVisualPriorResponse, Error> { let _ = (request, call); Err(Error::unimplemented("add_visual_prior")) }
-    #[doc = ""]
-    pub async fn propose_contacts(&self, request: v1::ProposeContactsRequest, call: Call) -> Result<v1::ProposeContactsResponse, Error> { let _ = (request, call); Err(Error::unimplemented("propose_contacts")) }
-    #[doc = ""]
-    pub async fn report_contact(&self, request: v1::ReportContactRequest, call: Call) -> Result<v1::ReportContactResponse, Error> { let _ = (request, call); Err(Error::unimplemented("report_contact")) }
-    #[doc = ""]
-    pub async fn get_mesh(&self, request: v1::GetMeshRequest, call: Call) -> Result<v1::Mesh, Error> { let _ = (request, call); Err(Error::unimplemented("get_mesh")) }
-    #[doc = ""]
-    pub async fn list_events(&self, request: v1::ListEventsRequest, call: Call) -> Result<v1::ListEventsResponse, Error> { let _ = (request, call); Err(Error::unimplemented("list_events")) }
-    /// The first error (no such session, bad field) comes before the stream begins.
-    pub async fn watch_session(&self, request: v1::WatchSessionRequest, call: Call)
-        -> Result<impl Stream<Item = Result<v1::WatchSessionResponse, Error>> + Send + 'static, Error> {
-            let _ = (request, call); if true { return Err(Error::unimplemented("watch")); } Ok(tokio_stream::iter(Vec::new())) }
-    #[doc = ""]
-    pub fn server_info(&self) -> v1::ServerInfo { v1::ServerInfo::default() }
-    #[doc = ""]
-    pub async fn ready(&self) -> Result<(), Error> { Ok(()) }
-    #[doc = ""]
-    pub fn limits(&self) -> &crate::limits::Limits { &self.limits }
+    /// The service over an open event log; `stopping` ends its streams and refuses changes.
+    pub(crate) fn new(store: Store, limits: Limits, stopping: CancellationToken) -> Self {
+        let cores = available_parallelism().map_or(1, usize::from);
+        let pool = Pool::new(cores, limits.compute_queue_per_core);
+        let limits = Arc::new(limits);
+        Self {
+            sessions: Arc::new(Sessions::new(store, pool, limits.clone(), stopping.clone())),
+            streams: Arc::new(Semaphore::new(limits.streams)),
+            limits,
+            stopping,
+            instance_id: Uuid::now_v7(),
+        }
+    }
+
+    /// What the server is and can do.
+    pub(crate) fn server_info(&self) -> v1::ServerInfo {
+        let capabilities = [
+            "method:paper",
+            "strategy:proactive",
+            "strategy:min_uncertainty",
+            "strategy:uniform",
+            "strategy:random",
+            "points:xyz_f32_le",
+            "points:ply",
+            "keep_out",
+            "explore",
+            "watch",
+        ];
+        v1::ServerInfo {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            algorithm_version: ALGORITHM_VERSION.to_owned(),
+            capabilities: capabilities.map(str::to_owned).to_vec(),
+            mesh_formats: mesh::FORMATS.map(i32::from).to_vec(),
+            max_message_bytes: i64::try_from(self.limits.message_bytes).unwrap_or(i64::MAX),
+            instance_id: self.instance_id.to_string(),
+        }
+    }
+
+    /// Whether the service can do its work: the log takes writes and nobody asked for a stop.
+    ///
+    /// # Errors
+    /// [`Error::Draining`] or [`Error::StoreDown`].
+    pub(crate) async fn ready(&self) -> Result<(), Error> {
+        if self.stopping.is_cancelled() {
+            return Err(Error::Draining);
+        }
+        self.sessions.store.check_writable().await.map_err(down)
+    }
+
+    /// Waits until every accepted write is on disk, and closes the log.
+    pub(crate) async fn finish(&self) {
+        self.sessions.store.close().await;
+    }
+
+    /// The bounds that this service keeps.
+    pub(crate) fn limits(&self) -> &Limits {
+        &self.limits
+    }
+
+    /// Gives `work` until the caller's deadline and logs what became of it: one line for each call.
+    async fn answer<T>(
+        &self,
+        method: &'static str,
+        session_id: &str,
+        call: &Call,
+        work: impl AsyncFnOnce(Instant) -> Result<T, Error>,
+    ) -> Result<T, Error> {
+        let started = Instant::now();
+        let deadline = call.deadline.unwrap_or_else(|| started + self.limits.call_timeout);
+        let span = tracing::info_span!("call", method, session_id, actor = call.actor);
+        async {
+            let answered = tokio::time::timeout_at(deadline, work(deadline)).await;
+            let outcome = answered.unwrap_or(Err(Error::DeadlineExceeded));
+            log(outcome.as_ref().err(), started);
+            outcome
+        }
+        .instrument(span)
+        .await
+    }
+
+    /// A place for one more open stream.
+    fn stream_place(&self) -> Result<OwnedSemaphorePermit, Error> {
+        self.streams.clone().try_acquire_owned().map_err(|_| Error::Quota {
+            what: "open streams",
+            limit: self.limits.streams as u64,
+            hint: "close streams that are no longer read",
+        })
+    }
 }
-// Etags in messages (Session.etag, Mesh.etag, topology_etag) are bare, without quotes; HTTP adds them.
-// delete_session and get_mesh accept an etag with or without quotes.
+
+fn log(failure: Option<&Error>, started: Instant) {
+    let ms = started.elapsed().as_secs_f64() * 1e3;
+    match failure {
+        None => tracing::info!(outcome = "OK", ms),
+        Some(error) => match error.detail() {
+            Some(detail) => tracing::error!(outcome = error.reason(), detail, ms),
+            None => tracing::info!(outcome = error.reason(), %error, ms),
+        },
+    }
+}
+
+/// Tells a retry of `request` from another request under the same id.
+fn request_key<M: Message + Name>(id: &str, request: &M, limits: &Limits) -> Result<RequestKey, Error> {
+    crate::wire::from_proto::check_text("request_id", id, limits.name_bytes)?;
+    let mut hash = Sha256::new();
+    hash.update(M::full_name());
+    // Maps are ordered in the generated code, so equal messages have equal bytes.
+    hash.update(request.encode_to_vec());
+    Ok(RequestKey { id: id.to_owned(), digest: hash.finalize().to_vec() })
+}
+
+/// A message that this server wrote itself.
+fn stored<M: Message + Default>(bytes: &[u8]) -> Result<M, Error> {
+    M::decode(bytes).map_err(|error| Error::internal(format!("a stored reply cannot be read: {error}")))
+}
+
+/// How many items a page has.
+fn page_size(wanted: i32, limits: &Limits) -> Result<u32, Error> {
+    match u32::try_from(wanted) {
+        Ok(0) => Ok(limits.page_size),
+        Ok(wanted) => Ok(wanted.min(limits.page_size_max)),
+        Err(_) => Err(Error::field("page_size", format!("{wanted} is negative"))),
+    }
+}
+
+fn bad_page_token() -> Error {
+    Error::field("page_token", "was not made by this service: give back next_page_token as it came")
+}
+
+#[cfg(test)]
+mod tests;

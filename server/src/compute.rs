@@ -48,10 +48,8 @@ impl Pool {
             return Err(Error::QueueFull { queue: "compute", retry_after: self.retry_after });
         };
         let waiting = tokio::time::timeout_at(deadline, self.threads.clone().acquire_owned());
-        let thread = waiting
-            .await
-            .map_err(|_elapsed| Error::DeadlineExceeded)?
-            .map_err(|_closed| Error::Draining)?;
+        let thread =
+            waiting.await.map_err(|_elapsed| Error::DeadlineExceeded)?.map_err(|_closed| Error::Draining)?;
         if Instant::now() >= deadline {
             return Err(Error::DeadlineExceeded);
         }

@@ -10,7 +10,7 @@ use tonic::Code;
 
 /// A refused call; the state is then as it was before.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum Error {
+pub(crate) enum Error {
     /// One or more fields cannot be used.
     #[error("{}", describe(.0))]
     Fields(Vec<FieldViolation>),
@@ -27,13 +27,17 @@ pub enum Error {
         session_id: String,
     },
     /// The same request id came before with another body.
-    #[error("request_id {request_id:?} was used before with another body: a new request needs a new request_id")]
+    #[error(
+        "request_id {request_id:?} was used before with another body: a new request needs a new request_id"
+    )]
     RequestIdReused {
         /// The id that came twice.
         request_id: String,
     },
     /// The session moved on since the caller looked.
-    #[error("expected_revision is {expected}, but the session is at revision {actual}: read it again and decide anew")]
+    #[error(
+        "expected_revision is {expected}, but the session is at revision {actual}: read it again and decide anew"
+    )]
     RevisionMismatch {
         /// What the caller expected.
         expected: i64,
@@ -51,12 +55,6 @@ pub enum Error {
     /// There is no estimate yet.
     #[error("the session has no visual prior yet: call AddVisualPrior first")]
     NoVisualPrior,
-    /// The session is closed.
-    #[error("session {session_id:?} is finished and takes no further events: create or fork another one")]
-    SessionFinished {
-        /// Which one.
-        session_id: String,
-    },
     /// The log cannot be folded to a sound state.
     #[error("session {session_id:?} is quarantined, because its log cannot be replayed: it is read only")]
     SessionQuarantined {
@@ -119,18 +117,18 @@ pub enum Error {
 
 /// What is wrong with one field.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct FieldViolation {
+pub(crate) struct FieldViolation {
     /// Path in the request as the caller wrote it, such as `result.contact.sensor_pose.orientation`.
-    pub field: String,
+    pub(crate) field: String,
     /// What is wrong and what would be right.
-    pub description: String,
+    pub(crate) description: String,
     /// Whether a number is NaN, infinite or beyond any workspace.
-    pub non_finite: bool,
+    pub(crate) non_finite: bool,
 }
 
 impl Error {
     /// A single field that is out of its range or of the wrong form.
-    pub fn field(field: impl Into<String>, description: impl Into<String>) -> Self {
+    pub(crate) fn field(field: impl Into<String>, description: impl Into<String>) -> Self {
         Self::Fields(vec![FieldViolation {
             field: field.into(),
             description: description.into(),
@@ -139,17 +137,17 @@ impl Error {
     }
 
     /// A feature of the contract that this version lacks, named by its call or field.
-    pub fn unimplemented(what: impl Into<String>) -> Self {
+    pub(crate) fn unimplemented(what: impl Into<String>) -> Self {
         Self::Unimplemented { what: what.into() }
     }
 
     /// A bug, described for the log.
-    pub fn internal(detail: impl Into<String>) -> Self {
+    pub(crate) fn internal(detail: impl Into<String>) -> Self {
         Self::Internal { detail: detail.into() }
     }
 
     /// The reason for programs, the same over gRPC and HTTP.
-    pub fn reason(&self) -> &'static str {
+    pub(crate) fn reason(&self) -> &'static str {
         match self {
             Self::Fields(fields) if fields.iter().any(|field| field.non_finite) => "NON_FINITE",
             Self::Fields(_) => "FIELD_INVALID",
@@ -159,7 +157,6 @@ impl Error {
             Self::RevisionMismatch { .. } => "REVISION_MISMATCH",
             Self::EtagMismatch { .. } => "ETAG_MISMATCH",
             Self::NoVisualPrior => "NO_VISUAL_PRIOR",
-            Self::SessionFinished { .. } => "SESSION_FINISHED",
             Self::SessionQuarantined { .. } => "SESSION_QUARANTINED",
             Self::Quota { .. } => "QUOTA",
             Self::QueueFull { .. } => "QUEUE_FULL",
@@ -173,15 +170,13 @@ impl Error {
     }
 
     /// The gRPC status code.
-    pub fn grpc_code(&self) -> Code {
+    pub(crate) fn grpc_code(&self) -> Code {
         match self {
             Self::Fields(_) => Code::InvalidArgument,
             Self::SessionNotFound { .. } => Code::NotFound,
             Self::SessionExists { .. } | Self::RequestIdReused { .. } => Code::AlreadyExists,
             Self::RevisionMismatch { .. } | Self::EtagMismatch { .. } => Code::Aborted,
-            Self::NoVisualPrior | Self::SessionFinished { .. } | Self::SessionQuarantined { .. } => {
-                Code::FailedPrecondition
-            }
+            Self::NoVisualPrior | Self::SessionQuarantined { .. } => Code::FailedPrecondition,
             Self::Quota { .. } | Self::QueueFull { .. } | Self::TooLarge { .. } => Code::ResourceExhausted,
             Self::Draining | Self::StoreDown { .. } => Code::Unavailable,
             Self::DeadlineExceeded => Code::DeadlineExceeded,
@@ -191,7 +186,7 @@ impl Error {
     }
 
     /// The HTTP status.
-    pub fn http_status(&self) -> StatusCode {
+    pub(crate) fn http_status(&self) -> StatusCode {
         match self {
             Self::Fields(_) => StatusCode::UNPROCESSABLE_ENTITY,
             Self::SessionNotFound { .. } => StatusCode::NOT_FOUND,
@@ -199,7 +194,6 @@ impl Error {
             | Self::RequestIdReused { .. }
             | Self::RevisionMismatch { .. }
             | Self::NoVisualPrior
-            | Self::SessionFinished { .. }
             | Self::SessionQuarantined { .. } => StatusCode::CONFLICT,
             Self::EtagMismatch { .. } => StatusCode::PRECONDITION_FAILED,
             Self::Quota { .. } | Self::QueueFull { .. } => StatusCode::TOO_MANY_REQUESTS,
@@ -212,12 +206,12 @@ impl Error {
     }
 
     /// The fields that are wrong; empty when it is not about a field.
-    pub fn fields(&self) -> &[FieldViolation] {
+    pub(crate) fn fields(&self) -> &[FieldViolation] {
         if let Self::Fields(fields) = self { fields } else { &[] }
     }
 
     /// When the same call may succeed.
-    pub fn retry_after(&self) -> Option<Duration> {
+    pub(crate) fn retry_after(&self) -> Option<Duration> {
         match self {
             Self::QueueFull { retry_after, .. } => Some(*retry_after),
             Self::Quota { .. } | Self::Draining | Self::StoreDown { .. } => Some(Duration::from_secs(1)),
@@ -226,7 +220,7 @@ impl Error {
     }
 
     /// What an operator should read beside the client's text.
-    pub fn detail(&self) -> Option<&str> {
+    pub(crate) fn detail(&self) -> Option<&str> {
         match self {
             Self::StoreDown { detail } | Self::Internal { detail } => Some(detail),
             _ => None,

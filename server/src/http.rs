@@ -18,6 +18,7 @@ mod proto_json;
 mod schema;
 mod sessions;
 
+use std::any::Any;
 use std::sync::LazyLock;
 use std::time::Duration;
 
@@ -25,11 +26,12 @@ use axum::Router;
 use axum::extract::Request;
 use axum::response::{IntoResponse, Response};
 use http::header::{CONTENT_TYPE, ETAG};
-use http::{Extensions, HeaderMap, HeaderName, HeaderValue, Method, StatusCode, Uri, Version};
+use http::{Extensions, HeaderMap, HeaderValue, Method, StatusCode, Uri, Version};
+use tower::util::option_layer;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::compression::CompressionLayer;
 use tower_http::compression::predicate::{Predicate, SizeAbove};
-use tower_http::cors::{Any, CorsLayer};
+use tower_http::cors::{self, CorsLayer};
 use tower_http::request_id::{MakeRequestUuid, PropagateRequestIdLayer, SetRequestIdLayer};
 use tower_http::trace::TraceLayer;
 use utoipa_axum::router::OpenApiRouter;
@@ -44,25 +46,28 @@ const LEAST_COMPRESSED_BYTES: u64 = 1024;
 /// All routes with their layers. Pages of `allowed_origins` may call them from a browser; no other page may.
 pub(crate) fn router(api: Api, allowed_origins: Vec<HeaderValue>) -> Router {
     // The document never changes, so every server of a process shares one.
-    static DOCUMENT: LazyLock<HeaderAndBody> = LazyLock::new(|| openapi::document(documented().into_openapi()));
+    static DOCUMENT: LazyLock<String> = LazyLock::new(|| openapi::document(documented().into_openapi()));
+    let document = async || ([(CONTENT_TYPE, "application/json")], DOCUMENT.as_str());
+    // The service logs each call and each failure; this adds to those lines where the call came from.
+    let trace = TraceLayer::new_for_http().make_span_with(span).on_failure(());
     let (routes, _) = documented().split_for_parts();
     routes
         .merge(later::routes())
-        .route("/openapi.json", axum::routing::get(|| async { DOCUMENT.clone() }))
+        .route("/openapi.json", axum::routing::get(document))
         .with_state(api)
         .merge(openapi::documentation_page())
         .fallback(no_such_path)
         .method_not_allowed_fallback(method_not_allowed)
-        .layer(CatchPanicLayer::custom(|_| Problem::panicked().into_response()))
-        .layer(CompressionLayer::new().compress_when(SizeAbove::new(LEAST_COMPRESSED_BYTES).and(is_compressible)))
-        .layer(cors(allowed_origins))
+        .layer(CatchPanicLayer::custom(answer_panic))
+        .layer(
+            CompressionLayer::new()
+                .compress_when(SizeAbove::new(LEAST_COMPRESSED_BYTES).and(is_compressible)),
+        )
+        .layer(option_layer((!allowed_origins.is_empty()).then(|| allow(allowed_origins))))
         .layer(PropagateRequestIdLayer::x_request_id())
-        .layer(TraceLayer::new_for_http().make_span_with(span))
+        .layer(trace)
         .layer(SetRequestIdLayer::x_request_id(MakeRequestUuid))
 }
-
-/// A media type and what is of it.
-type HeaderAndBody = ([(HeaderName, &'static str); 1], String);
 
 /// The routes that the OpenAPI document describes: each is declared once, beside its handler.
 fn documented() -> OpenApiRouter<Api> {
@@ -97,6 +102,11 @@ async fn method_not_allowed(method: Method, uri: Uri) -> Problem {
     )
 }
 
+#[expect(clippy::needless_pass_by_value, reason = "the layer hands the panic over")]
+fn answer_panic(panic: Box<dyn Any + Send>) -> Response {
+    Problem::panicked(panic.as_ref()).into_response()
+}
+
 fn span(request: &Request) -> tracing::Span {
     let request_id = request.headers().get("x-request-id").and_then(|id| id.to_str().ok());
     tracing::info_span!("http", method = %request.method(), path = request.uri().path(), request_id)
@@ -108,12 +118,12 @@ fn is_compressible(_: StatusCode, _: Version, headers: &HeaderMap, _: &Extension
     content_type.starts_with(b"application/json") && !headers.contains_key(ETAG)
 }
 
-fn cors(allowed_origins: Vec<HeaderValue>) -> CorsLayer {
+fn allow(allowed_origins: Vec<HeaderValue>) -> CorsLayer {
     CorsLayer::new()
         .allow_origin(allowed_origins)
         .allow_methods([Method::GET, Method::POST, Method::PATCH, Method::DELETE])
-        .allow_headers(Any)
-        .expose_headers(Any)
+        .allow_headers(cors::Any)
+        .expose_headers(cors::Any)
         .max_age(Duration::from_secs(3600))
 }
 
@@ -134,6 +144,10 @@ fn tagged(headers: &HeaderMap, etag: &str, body: impl IntoResponse) -> Response 
 
 #[cfg(test)]
 mod tests {
+    use axum::body::Body;
+    use http::HeaderName;
+    use tower::ServiceExt;
+
     use super::*;
 
     #[test]
@@ -145,6 +159,21 @@ mod tests {
         assert_eq!(response.status(), StatusCode::NOT_MODIFIED);
         assert_eq!(response.headers()[ETAG], "\"a-1\"");
         assert_eq!(tagged(&headers, "a-2", "body").status(), StatusCode::OK);
+    }
+
+    #[tokio::test]
+    async fn a_handler_that_panics_answers_with_a_problem() {
+        async fn broken() -> &'static str {
+            panic!("index 7 of 3")
+        }
+        let router =
+            Router::new().route("/", axum::routing::get(broken)).layer(CatchPanicLayer::custom(answer_panic));
+        let response = router.oneshot(Request::get("/").body(Body::empty()).unwrap()).await.unwrap();
+        assert_eq!(response.status(), StatusCode::INTERNAL_SERVER_ERROR);
+        assert_eq!(response.headers()[CONTENT_TYPE], "application/problem+json");
+        let body = axum::body::to_bytes(response.into_body(), 10_000).await.unwrap();
+        let text = String::from_utf8(body.to_vec()).unwrap();
+        assert!(text.contains("INTERNAL") && !text.contains("index 7"), "{text}");
     }
 
     #[test]

@@ -3,6 +3,22 @@
 //! Dependencies point one way: `grpc`, `http` -> `api` -> `sessions` -> `store`, `compute` and the
 //! method itself in `palpate-core`. `wire` holds the conversions between messages and values.
 
-pub mod api;
-pub mod error;
-pub mod limits;
+mod api;
+pub mod cli;
+mod commands;
+mod compute;
+mod error;
+mod grpc;
+mod http;
+mod limits;
+mod mesh_format;
+mod serve;
+mod session;
+mod sessions;
+mod store;
+mod thinning;
+mod wire;
+
+pub use limits::Limits;
+pub use serve::{ServeError, ServeOptions, serve};
+pub use store::OpenError;

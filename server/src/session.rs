@@ -1,9 +1,9 @@
 //! What a session is: its definition, fixed at creation, and a snapshot of its state per revision.
 //!
 //! ```text
-//! created --> AwaitingPrior --first visual prior--> Active --finish--> Finished
-//!                   \                                  \
-//!                    `--------- a log that cannot be replayed ------> Quarantined
+//! created --> AwaitingPrior --first visual prior--> Active
+//!                   |                                  |
+//!                   `--- a log that cannot be replayed +--> Quarantined
 //! ```
 
 use std::collections::BTreeMap;

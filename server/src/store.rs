@@ -16,14 +16,14 @@ use std::path::Path;
 
 use sqlx::SqlitePool;
 use tokio::sync::{mpsc, oneshot};
-use tokio::task::JoinHandle;
+use tokio_util::sync::CancellationToken;
 
 use crate::limits::Limits;
 
 pub use open::OpenError;
-pub(crate) use read::{EventRow, Filter, FirstReply, PageEnd, SessionRow};
-pub(crate) use write::{Deletion, NewEvent, NewSession, SessionHead};
+pub(crate) use read::{EventRow, Filter, PageEnd, SessionRow};
 use write::{Change, Job};
+pub(crate) use write::{Deletion, NewEvent, NewSession, SessionHead};
 
 /// Why the log did not do what was asked.
 #[derive(Clone, Debug, thiserror::Error)]
@@ -53,7 +53,10 @@ impl From<sqlx::Error> for StoreError {
 pub(crate) struct Store {
     readers: SqlitePool,
     jobs: mpsc::Sender<Job>,
-    writer: JoinHandle<()>,
+    /// Asks the writer to finish what is queued and to close the file.
+    closing: CancellationToken,
+    /// Cancelled when the writer has done so.
+    closed: CancellationToken,
 }
 
 impl Store {
@@ -65,8 +68,14 @@ impl Store {
         let connection = open::writer(database).await?;
         let readers = open::readers(database).await?;
         let (jobs, queue) = mpsc::channel(limits.write_queue);
-        let writer = tokio::spawn(write::run(connection, queue, limits.write_batch));
-        Ok(Self { readers, jobs, writer })
+        let (closing, closed) = (CancellationToken::new(), CancellationToken::new());
+        let writer = write::run(connection, queue, limits.write_batch, closing.clone());
+        let announce = closed.clone().drop_guard();
+        tokio::spawn(async move {
+            writer.await;
+            drop(announce);
+        });
+        Ok(Self { readers, jobs, closing, closed })
     }
 
     /// Writes a session with its first event.
@@ -98,14 +107,13 @@ impl Store {
         self.write(Change::Nothing).await
     }
 
-    /// Ends once every accepted write is on disk.
-    pub(crate) async fn close(self) {
-        let Self { readers, jobs, writer } = self;
-        drop(jobs);
-        if let Err(failure) = writer.await {
-            tracing::error!(%failure, "the writer of the event log did not end well");
-        }
-        readers.close().await;
+    /// Ends once every write that was accepted before is on disk and the file is closed.
+    ///
+    /// All is then in the one file of the database, without a log of changes beside it.
+    pub(crate) async fn close(&self) {
+        self.readers.close().await;
+        self.closing.cancel();
+        self.closed.cancelled().await;
     }
 
     async fn write(&self, change: Change) -> Result<(), StoreError> {

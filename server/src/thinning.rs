@@ -39,7 +39,8 @@ mod tests {
 
     #[test]
     fn only_exact_repetitions_are_dropped() {
-        let points = [Point::origin(), Point::new(-0.0, 0.0, 0.0), Point::new(1e-12, 0.0, 0.0), Point::origin()];
+        let points =
+            [Point::origin(), Point::new(-0.0, 0.0, 0.0), Point::new(1e-12, 0.0, 0.0), Point::origin()];
         assert_eq!(without_duplicates(&points), [points[0], points[2]]);
     }
 }

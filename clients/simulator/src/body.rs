@@ -68,12 +68,10 @@ impl Body {
     ///
     /// # Errors
     /// A [`BodyError`] that says what is wrong with the mesh and what to do about it.
-    pub fn new(mesh: TriangleMesh) -> Result<Self, BodyError> {
-        let mut mesh = weld(&mesh);
-        if let Some(vertex) = mesh
-            .vertices
-            .iter()
-            .position(|vertex| !vertex.coords.iter().all(|x| x.is_finite()))
+    pub fn new(mesh: &TriangleMesh) -> Result<Self, BodyError> {
+        let mut mesh = weld(mesh);
+        if let Some(vertex) =
+            mesh.vertices.iter().position(|vertex| !vertex.coords.iter().all(|x| x.is_finite()))
         {
             return Err(BodyError::NotFinite { vertex });
         }
@@ -100,12 +98,7 @@ impl Body {
             mesh.faces.iter_mut().for_each(|face| face.swap(1, 2));
         }
         let surface = SurfaceIndex::of_solid(&mesh).ok_or(BodyError::NoFaces)?;
-        Ok(Self {
-            surface,
-            centre: nalgebra::center(&low, &high),
-            radius_m: 0.5 * (high - low).norm(),
-            mesh,
-        })
+        Ok(Self { surface, centre: nalgebra::center(&low, &high), radius_m: 0.5 * (high - low).norm(), mesh })
     }
 
     /// The triangles.
@@ -155,13 +148,8 @@ fn weld(mesh: &TriangleMesh) -> TriangleMesh {
 }
 
 fn bounds(mesh: &TriangleMesh) -> (Point, Point) {
-    let start = (
-        Point::from(Vector::repeat(f64::INFINITY)),
-        Point::from(Vector::repeat(f64::NEG_INFINITY)),
-    );
-    mesh.vertices
-        .iter()
-        .fold(start, |(low, high), vertex| (low.inf(vertex), high.sup(vertex)))
+    let start = (Point::from(Vector::repeat(f64::INFINITY)), Point::from(Vector::repeat(f64::NEG_INFINITY)));
+    mesh.vertices.iter().fold(start, |(low, high), vertex| (low.inf(vertex), high.sup(vertex)))
 }
 
 /// Directed edges that are not matched by as many in the opposite direction.
@@ -193,7 +181,7 @@ mod tests {
             vertices: (0..ball.faces.len()).flat_map(|face| ball.corners(face)).collect(),
             faces: (0..ball.faces.len() as u32).map(|f| [3 * f, 3 * f + 1, 3 * f + 2]).collect(),
         };
-        let body = Body::new(soup).unwrap();
+        let body = Body::new(&soup).unwrap();
         assert_eq!(body.mesh().vertices.len(), ball.vertices.len());
         assert!(body.surface().contains(&Point::origin()));
     }
@@ -202,40 +190,40 @@ mod tests {
     fn an_inside_out_mesh_is_turned() {
         let mut inside_out = ball(0.05);
         inside_out.faces.iter_mut().for_each(|face| face.swap(0, 1));
-        assert!(Body::new(inside_out).unwrap().mesh().volume() > 0.0);
+        assert!(Body::new(&inside_out).unwrap().mesh().volume() > 0.0);
     }
 
     #[test]
     fn a_hole_is_reported_with_its_edges() {
         let mut open = ball(0.05);
         open.faces.pop();
-        assert_eq!(Body::new(open).unwrap_err(), BodyError::NotClosed { open_edges: 3 });
+        assert_eq!(Body::new(&open).unwrap_err(), BodyError::NotClosed { open_edges: 3 });
     }
 
     #[test]
     fn a_single_face_wound_the_other_way_is_not_a_closed_surface() {
         let mut mixed = ball(0.05);
         mixed.faces[7].swap(0, 1);
-        assert!(matches!(Body::new(mixed), Err(BodyError::NotClosed { .. })));
+        assert!(matches!(Body::new(&mixed), Err(BodyError::NotClosed { .. })));
     }
 
     #[test]
     fn millimetres_are_recognised() {
-        let error = Body::new(ball(50.0)).unwrap_err();
+        let error = Body::new(&ball(50.0)).unwrap_err();
         assert!(error.to_string().contains("--scale"), "{error}");
-        assert!(matches!(Body::new(ball(0.0001)), Err(BodyError::TooSmall { .. })));
+        assert!(matches!(Body::new(&ball(0.0001)), Err(BodyError::TooSmall { .. })));
     }
 
     #[test]
     fn meshes_without_faces_volume_or_numbers_are_refused() {
-        assert_eq!(Body::new(TriangleMesh::default()).unwrap_err(), BodyError::NoFaces);
+        assert_eq!(Body::new(&TriangleMesh::default()).unwrap_err(), BodyError::NoFaces);
         let mut broken = ball(0.05);
         broken.vertices[3].y = f64::NAN;
-        assert_eq!(Body::new(broken).unwrap_err(), BodyError::NotFinite { vertex: 3 });
+        assert_eq!(Body::new(&broken).unwrap_err(), BodyError::NotFinite { vertex: 3 });
         let flat = TriangleMesh {
             vertices: vec![Point::origin(), Point::new(0.1, 0.0, 0.0), Point::new(0.0, 0.1, 0.0)],
             faces: vec![[0, 1, 2], [0, 2, 1]],
         };
-        assert_eq!(Body::new(flat).unwrap_err(), BodyError::NoVolume);
+        assert_eq!(Body::new(&flat).unwrap_err(), BodyError::NoVolume);
     }
 }

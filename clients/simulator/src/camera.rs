@@ -65,10 +65,7 @@ pub fn look(body: &Body, seed: u64, depth_noise_m: f64) -> View {
         let ray = Direction::new_normalize(*point - viewpoint);
         *point += ray.into_inner() * (depth_noise_m * standard_normal(&mut noise));
     }
-    View {
-        viewpoint,
-        points: patch,
-    }
+    View { viewpoint, points: patch }
 }
 
 fn viewpoint(body: &Body, seed: u64) -> Point {
@@ -86,9 +83,7 @@ fn is_visible(body: &Body, viewpoint: &Point, point: &Point) -> bool {
     let Some(direction) = Direction::try_new(sight, 0.0) else {
         return false;
     };
-    body.surface()
-        .first_hit(viewpoint, &direction, distance - OCCLUSION_TOLERANCE_M)
-        .is_none()
+    body.surface().first_hit(viewpoint, &direction, distance - OCCLUSION_TOLERANCE_M).is_none()
 }
 
 #[cfg(test)]

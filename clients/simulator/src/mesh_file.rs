@@ -53,10 +53,7 @@ pub enum MeshProblem {
 /// # Errors
 /// [`MeshFileError`] names the file and says what is wrong with it.
 pub fn read(path: &Path, scale: f64) -> Result<Body, MeshFileError> {
-    read_body(path, scale).map_err(|problem| MeshFileError {
-        path: path.to_owned(),
-        problem,
-    })
+    read_body(path, scale).map_err(|problem| MeshFileError { path: path.to_owned(), problem })
 }
 
 fn read_body(path: &Path, scale: f64) -> Result<Body, MeshProblem> {
@@ -73,20 +70,15 @@ fn read_body(path: &Path, scale: f64) -> Result<Body, MeshProblem> {
     let file = File::open(path).map_err(MeshProblem::Unreadable)?;
     let mut mesh = read(&mut BufReader::new(file))?;
     mesh.vertices.iter_mut().for_each(|vertex| vertex.coords *= scale);
-    Ok(Body::new(mesh)?)
+    Ok(Body::new(&mesh)?)
 }
 
-fn malformed(format: &'static str, reason: impl ToString) -> MeshProblem {
-    MeshProblem::Malformed {
-        format,
-        reason: reason.to_string(),
-    }
+fn malformed(format: &'static str, reason: &impl ToString) -> MeshProblem {
+    MeshProblem::Malformed { format, reason: reason.to_string() }
 }
 
 fn read_ply(file: &mut BufReader<File>) -> Result<TriangleMesh, MeshProblem> {
-    let ply = Parser::<DefaultElement>::new()
-        .read_ply(file)
-        .map_err(|error| malformed("PLY", error))?;
+    let ply = Parser::<DefaultElement>::new().read_ply(file).map_err(|error| malformed("PLY", &error))?;
     let elements = |name: &str| ply.payload.get(name).map_or(&[][..], Vec::as_slice);
     let mut mesh = TriangleMesh::default();
     for vertex in elements("vertex") {
@@ -94,7 +86,7 @@ fn read_ply(file: &mut BufReader<File>) -> Result<TriangleMesh, MeshProblem> {
             vertex
                 .get(name)
                 .and_then(scalar)
-                .ok_or_else(|| malformed("PLY", format!("a vertex has no number {name}")))
+                .ok_or_else(|| malformed("PLY", &format!("a vertex has no number {name}")))
         };
         mesh.vertices.push(Point::new(coordinate("x")?, coordinate("y")?, coordinate("z")?));
     }
@@ -103,8 +95,8 @@ fn read_ply(file: &mut BufReader<File>) -> Result<TriangleMesh, MeshProblem> {
             .get("vertex_indices")
             .or_else(|| face.get("vertex_index"))
             .and_then(indices)
-            .ok_or_else(|| malformed("PLY", "a face has no list vertex_indices"))?;
-        add_polygon(&mut mesh, &corners).map_err(|reason| malformed("PLY", reason))?;
+            .ok_or_else(|| malformed("PLY", &"a face has no list vertex_indices"))?;
+        add_polygon(&mut mesh, &corners).map_err(|reason| malformed("PLY", &reason))?;
     }
     Ok(mesh)
 }
@@ -146,18 +138,10 @@ fn add_polygon(mesh: &mut TriangleMesh, corners: &[i64]) -> Result<(), String> {
 }
 
 fn read_stl(file: &mut BufReader<File>) -> Result<TriangleMesh, MeshProblem> {
-    let stl = stl_io::read_stl(file).map_err(|error| malformed("STL", error))?;
+    let stl = stl_io::read_stl(file).map_err(|error| malformed("STL", &error))?;
     Ok(TriangleMesh {
-        vertices: stl
-            .vertices
-            .iter()
-            .map(|vertex| Point::from(vertex.0.map(f64::from)))
-            .collect(),
-        faces: stl
-            .faces
-            .iter()
-            .map(|face| face.vertices.map(|vertex| vertex as u32))
-            .collect(),
+        vertices: stl.vertices.iter().map(|vertex| Point::from(vertex.0.map(f64::from))).collect(),
+        faces: stl.faces.iter().map(|face| face.vertices.map(|vertex| vertex as u32)).collect(),
     })
 }
 
@@ -170,17 +154,15 @@ fn read_obj(file: &mut BufReader<File>) -> Result<TriangleMesh, MeshProblem> {
     };
     // Materials are of no interest to a finger.
     let no_materials = |_: &Path| Ok((Vec::new(), Default::default()));
-    let (models, _) = tobj::load_obj_buf(file, &options, no_materials)
-        .map_err(|error| malformed("OBJ", error))?;
+    let (models, _) =
+        tobj::load_obj_buf(file, &options, no_materials).map_err(|error| malformed("OBJ", &error))?;
     let mut mesh = TriangleMesh::default();
     for model in models {
         let first = mesh.vertices.len() as u32;
         let (positions, _) = model.mesh.positions.as_chunks::<3>();
         let (corners, _) = model.mesh.indices.as_chunks::<3>();
-        mesh.vertices
-            .extend(positions.iter().map(|&position| Point::from(position.map(f64::from))));
-        mesh.faces
-            .extend(corners.iter().map(|corners| corners.map(|vertex| first + vertex)));
+        mesh.vertices.extend(positions.iter().map(|&position| Point::from(position.map(f64::from))));
+        mesh.faces.extend(corners.iter().map(|corners| corners.map(|vertex| first + vertex)));
     }
     Ok(mesh)
 }

@@ -109,23 +109,15 @@ impl Probe {
         }
     }
 
-    fn measure(
-        &mut self,
-        body: &Body,
-        direction: &Direction,
-        hit: &RayHit,
-        swept_from: Point,
-    ) -> Touch {
+    fn measure(&mut self, body: &Body, direction: &Direction, hit: &RayHit, swept_from: Point) -> Touch {
         let noise = Vector::from_fn(|_, _| standard_normal(&mut self.tactile_noise));
         let touched = hit.point + noise * self.settings.tactile_noise_m;
         // The offset on the pad makes torque only: the reported position is the touched point.
         let mut across = || self.offset.random_range(-PAD_HALF_SIDE_M..=PAD_HALF_SIDE_M);
         let offset = Vector::new(across(), across(), 0.0);
         let force_n = -CONTACT_FORCE_N * Vector::z();
-        let normal = self
-            .settings
-            .measures_normals
-            .then(|| self.perturbed(&body.mesh().face_normal(hit.face)));
+        let normal =
+            self.settings.measures_normals.then(|| self.perturbed(&body.mesh().face_normal(hit.face)));
         Touch {
             base_from_sensor: Pose::from_parts(touched.into(), facing(direction)),
             force_n,
@@ -157,7 +149,6 @@ fn facing(direction: &Direction) -> UnitQuaternion<f64> {
     let aside = if direction.z.abs() < 0.9 { Vector::z() } else { Vector::x() };
     UnitQuaternion::face_towards(direction, &aside)
 }
-
 
 #[cfg(test)]
 mod tests {
@@ -247,11 +238,8 @@ mod tests {
     #[test]
     fn noise_has_the_size_that_was_asked_for() {
         let body = shapes::generate("ball").unwrap();
-        let settings = ProbeSettings {
-            tactile_noise_m: 0.001,
-            measures_normals: true,
-            normal_noise_rad: 0.1,
-        };
+        let settings =
+            ProbeSettings { tactile_noise_m: 0.001, measures_normals: true, normal_noise_rad: 0.1 };
         let mut probe = Probe::new(settings, 4);
         let approach = Approach { start: Point::new(0.075, 0.0, 0.0), end: Point::new(0.045, 0.0, 0.0) };
         let (mut position_squares, mut angle_squares) = (0.0, 0.0);

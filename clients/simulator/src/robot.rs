@@ -13,8 +13,8 @@
 use palpate_client::proto::v1::contact_result::Outcome as ReportedOutcome;
 use palpate_client::proto::v1::{
     AddVisualPriorRequest, Candidate, Contact, ContactResult, CreateSessionRequest, GetMeshRequest,
-    MeshFormat, NoContact, Pose as WirePose, Quaternion, ReportContactRequest, Session, StopReason,
-    Vector3, Wrench, mesh,
+    MeshFormat, NoContact, Pose as WirePose, Quaternion, ReportContactRequest, Session, StopReason, Vector3,
+    Wrench, mesh,
 };
 use palpate_client::{Client, Error as ClientError};
 use palpate_core::geometry::{Point, Pose, TriangleMesh, Vector};

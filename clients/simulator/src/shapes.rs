@@ -63,20 +63,16 @@ pub enum ShapeError {
 /// [`ShapeError::UnknownName`] lists the names there are.
 pub fn generate(name: &str) -> Result<Body, ShapeError> {
     if let Some(object) = OBJECTS.iter().find(|object| object.name == name) {
-        return Ok(Body::new((object.make)())?);
+        return Ok(Body::new(&(object.make)())?);
     }
     let seed = name.strip_prefix(SUPERQUADRIC_PREFIX).and_then(|seed| seed.parse().ok());
     match seed {
-        Some(seed) => Ok(Body::new(superquadric::random(seed))?),
+        Some(seed) => Ok(Body::new(&superquadric::random(seed))?),
         None => Err(ShapeError::UnknownName { name: name.to_owned() }),
     }
 }
 
-const fn object(
-    name: &'static str,
-    what: &'static str,
-    make: fn() -> TriangleMesh,
-) -> GeneratedObject {
+const fn object(name: &'static str, what: &'static str, make: fn() -> TriangleMesh) -> GeneratedObject {
     GeneratedObject { name, what, make }
 }
 

@@ -1,7 +1,7 @@
 //! The nearest of many points: a balanced k-d tree, laid out in place.
 //!
-//! The chamfer distance asks 26,000 times an evaluation; a general-purpose R-tree took four times as
-//! long.
+//! The chamfer distance asks 26,000 times an evaluation; a general-purpose R-tree took up to three
+//! times as long.
 
 /// Ranges of this size are searched point by point.
 const LEAF: usize = 8;
@@ -100,8 +100,8 @@ mod tests {
             let points = draw(n, 0.1);
             let tree = NearestPoints::new(points.clone());
             for query in draw(200, 2.0) {
-                let nearest = points.iter().map(|point| squared_distance(point, &query));
-                let expected = nearest.fold(f64::INFINITY, f64::min).sqrt();
+                let squares = points.iter().map(|point| squared_distance(point, &query));
+                let expected = squares.fold(f64::INFINITY, f64::min).sqrt();
                 assert_eq!(tree.distance(&query), expected, "{n} points");
             }
         }

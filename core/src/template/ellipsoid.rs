@@ -16,6 +16,9 @@ use crate::least_squares::{NormalEquations, minimise};
 const PRIOR_WEIGHT: f64 = 1.0;
 /// Bounds of the logarithm of a semi-axis over the prior's length.
 const LOG_SIZE: (f64, f64) = (-3.0, 3.5);
+/// All visual points together weigh as much as this many touches at most. As printed, each point
+/// counts, and a camera with a finer grid outweighs the prior until the template diverges.
+const VISUAL_WEIGHT: f64 = 80.0;
 const FIRST_ITERATIONS: usize = 100;
 const WARM_ITERATIONS: usize = 30;
 
@@ -66,6 +69,8 @@ struct Normalisation {
     origin: Point,
     /// Their root mean square distance from it, in metres.
     length_m: f64,
+    /// How many visual points there are, at least one.
+    visual_points: f64,
     /// Where the prior expects the centre: one length behind the patch, seen from the camera.
     centre: Vector,
 }
@@ -81,6 +86,7 @@ impl Normalisation {
         Self {
             origin,
             length_m: mean_square.sqrt(),
+            visual_points: count,
             centre: to_camera.map_or_else(Vector::zeros, |direction| -direction),
         }
     }
@@ -126,7 +132,14 @@ pub fn fit(
     warm: bool,
 ) -> TemplateFit {
     let frame = Normalisation::of(attractors, viewpoint);
-    let points: Vec<Vector> = attractors.iter().map(|a| (a.point - frame.origin) / frame.length_m).collect();
+    let visual_weight = (VISUAL_WEIGHT / frame.visual_points).sqrt().min(1.0);
+    let points: Vec<(Vector, f64)> = attractors
+        .iter()
+        .map(|a| {
+            let weight = if a.sense == Sense::Vision { visual_weight } else { 1.0 };
+            ((a.point - frame.origin) / frame.length_m, weight)
+        })
+        .collect();
     let parameters = Parameters {
         centre: (start.centre - frame.origin) / frame.length_m,
         log_axes: start.semi_axes.map(|a| (a / frame.length_m).ln().clamp(LOG_SIZE.0, LOG_SIZE.1)),
@@ -168,10 +181,10 @@ struct Parameters {
 impl Parameters {
     /// Residuals and their analytic derivatives by centre, log semi-axes and a rotation applied
     /// on the right, `R exp(δ)`.
-    fn linearise(&self, points: &[Vector], prior_centre: &Vector) -> NormalEquations<9> {
+    fn linearise(&self, points: &[(Vector, f64)], prior_centre: &Vector) -> NormalEquations<9> {
         let inverse_axes = self.log_axes.map(|p| (-p).exp());
         let mut equations = NormalEquations::zero();
-        for point in points {
+        for (point, weight) in points {
             let local = self.rotation.inverse_transform_vector(&(point - self.centre));
             let y = local.component_mul(&inverse_axes);
             let slope = 2.0 * y.component_mul(&inverse_axes);
@@ -179,7 +192,7 @@ impl Parameters {
             let by_log_axes = -2.0 * y.component_mul(&y);
             let by_rotation = slope.cross(&local);
             let row = stack(&by_centre, &by_log_axes, &by_rotation);
-            equations.add(y.norm_squared() - 1.0, &row);
+            equations.add(weight * (y.norm_squared() - 1.0), &(row * *weight));
         }
         for axis in 0..3 {
             let mut row = SVector::zeros();

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::robot::{LocalServer, NoiseArgs, ObjectArgs, SessionArgs, drive, plan, save_ply};
 use crate::cli::Failure;
 
-const ABOUT: &str = "\
+pub(super) const ABOUT: &str = "\
 Starts a server with a temporary database and lets a simulated robot explore an object through it.
 
 The robot sees 12 % of the surface from one side, then touches where the server proposes.
@@ -13,7 +13,6 @@ Each line is one attempt: \"hit\", \"early\" (touched before it got there) or \"
 and how far the estimated surface is from the true one, in millimetres.";
 
 #[derive(Debug, clap::Args)]
-#[command(long_about = ABOUT)]
 pub(crate) struct Args {
     #[command(flatten)]
     object: ObjectArgs,
@@ -25,11 +24,11 @@ pub(crate) struct Args {
     noise: NoiseArgs,
 
     /// Where the reconstructed mesh is written.
-    #[arg(long, value_name = "FILE", default_value = "palpate-demo.ply")]
+    #[arg(long, value_name = "FILE", default_value = "palpate-demo.ply", help_heading = "Output")]
     out: PathBuf,
 
     /// Go on serving after the last touch, until Ctrl-C, to look around with curl.
-    #[arg(long)]
+    #[arg(long, help_heading = "Output")]
     keep: bool,
 }
 
@@ -47,7 +46,10 @@ async fn explore(args: &Args, database: PathBuf) -> Result<(), Failure> {
     let (name, body) = args.object.load("bottle")?;
     let (server, client) = LocalServer::start(&database).await?;
     let url = &server.url;
-    println!("Palpate {} serves at {url} (every call is documented at {url}/docs).", env!("CARGO_PKG_VERSION"));
+    println!(
+        "Palpate {} serves at {url} (every call is documented at {url}/docs).",
+        env!("CARGO_PKG_VERSION")
+    );
     println!("A simulated robot explores: {name}.");
     let plan = plan(&name, "demo", &args.session, &args.noise);
     let exploration = drive(client, &body, plan).await?;
@@ -58,7 +60,9 @@ async fn explore(args: &Args, database: PathBuf) -> Result<(), Failure> {
         println!("\nStill serving, until Ctrl-C. Look around:");
         println!("  curl {session}");
         println!("  curl '{session}/events'");
-        println!("  curl -X POST {session}/candidates -H 'content-type: application/json' -d '{{\"top_k\": 3}}'");
+        println!(
+            "  curl -X POST {session}/candidates -H 'content-type: application/json' -d '{{\"top_k\": 3}}'"
+        );
         println!("  curl '{session}/mesh?format=obj' -o estimate.obj");
         std::future::pending::<()>().await;
     }

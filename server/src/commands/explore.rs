@@ -7,13 +7,12 @@ use palpate_client::Client;
 use super::robot::{NoiseArgs, ObjectArgs, SessionArgs, drive, plan, save_ply};
 use crate::cli::Failure;
 
-const ABOUT: &str = "\
+pub(super) const ABOUT: &str = "\
 Lets a simulated robot explore an object through a running server, over gRPC.
 
 Start the server with `palpate serve`, then: palpate explore --object mug";
 
 #[derive(Debug, clap::Args)]
-#[command(long_about = ABOUT)]
 pub(crate) struct Args {
     /// The server to talk to.
     #[arg(long, env = "PALPATE_SERVER", value_name = "URL", default_value = "http://127.0.0.1:7257")]
@@ -29,7 +28,7 @@ pub(crate) struct Args {
     noise: NoiseArgs,
 
     /// Where to write the reconstructed mesh as a PLY file; nowhere unless given.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = "Output")]
     out: Option<PathBuf>,
 }
 

@@ -1,7 +1,7 @@
 //! `palpate serve`: the service on a port, until it is told to stop.
 
 use std::io::ErrorKind;
-use std::net::SocketAddr;
+use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::PathBuf;
 use std::process;
 
@@ -15,18 +15,18 @@ use crate::{ServeOptions, serve};
 /// The exit code of a process that was interrupted: 128 and the number of SIGINT.
 const INTERRUPTED: i32 = 130;
 
-const ABOUT: &str = "\
+pub(super) const ABOUT: &str = "\
 Serves gRPC, gRPC-Web, HTTP with JSON, and server-sent events on one port.
 
 Everything that is acknowledged is in the database: a server that was killed continues every session where it was.
 Ctrl-C or SIGTERM stops it gracefully: it finishes what it has begun and ends open streams; a second one stops at once.";
 
 #[derive(Debug, clap::Args)]
-#[command(long_about = ABOUT)]
 pub(crate) struct Args {
     /// Address and port; port 0 takes a free one and the log says which.
     #[arg(long, env = "PALPATE_LISTEN", value_name = "ADDRESS:PORT", default_value = "127.0.0.1:7257")]
-    pub(crate) listen: SocketAddr,
+    #[arg(value_parser = resolve)]
+    listen: SocketAddr,
 
     /// The SQLite file that holds all sessions; made where it does not exist.
     #[arg(long, env = "PALPATE_DATABASE", value_name = "FILE", default_value = "palpate.db")]
@@ -39,6 +39,12 @@ pub(crate) struct Args {
     /// A web origin whose pages may call this server, such as `https://lab.example`; may be repeated.
     #[arg(long = "allow-origin", env = "PALPATE_ALLOW_ORIGIN", value_name = "ORIGIN", value_delimiter = ',')]
     allowed_origins: Vec<HeaderValue>,
+}
+
+/// An address, or the first address of a name such as `localhost`.
+fn resolve(text: &str) -> Result<SocketAddr, String> {
+    let mut addresses = text.to_socket_addrs().map_err(|error| format!("{error}; say 127.0.0.1:7257"))?;
+    addresses.next().ok_or_else(|| "the name has no address; say 127.0.0.1:7257".into())
 }
 
 /// Serves until a signal says stop.
@@ -84,10 +90,16 @@ fn explain_bind(listen: SocketAddr, error: &std::io::Error) -> String {
             port.wrapping_add(1).max(1024),
         ),
         ErrorKind::PermissionDenied => {
-            format!("port {port} needs privileges: choose one above 1023, such as --listen {}:7257.", listen.ip())
+            format!(
+                "port {port} needs privileges: choose one above 1023, such as --listen {}:7257.",
+                listen.ip()
+            )
         }
         ErrorKind::AddrNotAvailable => {
-            format!("{} is no address of this machine: 127.0.0.1 is itself, 0.0.0.0 all of its addresses.", listen.ip())
+            format!(
+                "{} is no address of this machine: 127.0.0.1 is itself, 0.0.0.0 all of its addresses.",
+                listen.ip()
+            )
         }
         _ => format!("cannot listen on {listen}: {error}"),
     }
@@ -122,7 +134,28 @@ async fn next_signal() -> std::io::Result<()> {
 
 #[cfg(test)]
 mod tests {
+    use clap::Parser;
+
     use super::*;
+
+    #[derive(clap::Parser)]
+    struct Serve {
+        #[command(flatten)]
+        args: Args,
+    }
+
+    #[test]
+    fn without_flags_only_this_machine_is_served() {
+        let Serve { args } = Serve::parse_from(["serve"]);
+        assert!(refuse_open_network(args.listen, args.insecure_open).is_ok());
+        assert!(args.allowed_origins.is_empty());
+    }
+
+    #[test]
+    fn a_name_is_as_good_as_an_address() {
+        assert!(resolve("localhost:7257").unwrap().ip().is_loopback());
+        assert!(resolve("7257").is_err());
+    }
 
     #[test]
     fn only_this_machine_is_served_unless_told_otherwise() {

@@ -8,9 +8,9 @@ use serde::Deserialize;
 use super::extract::{
     Params, content_type, file_body, fill_request_id, fill_session_id, json_body, unsupported,
 };
+use super::json_points;
 use super::problem::Problem;
 use super::proto_json::{ProtoJson, from_json};
-use super::json_points;
 use crate::api::{Api, Call};
 use crate::error::Error;
 
@@ -46,8 +46,8 @@ pub(super) struct PriorParams {
     ),
     request_body(content(
         (ref("#/components/schemas/AddVisualPriorRequest") = "application/json"),
-        (Vec<u8> = "application/ply"),
-        (Vec<u8> = "application/octet-stream"),
+        (ref("#/components/schemas/File") = "application/ply"),
+        (ref("#/components/schemas/File") = "application/octet-stream"),
     )),
     responses((
         status = 200, description = "The view is in the log and in the estimate",

@@ -19,13 +19,17 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Params<T> {
     type Rejection = Problem;
 
     async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Problem> {
-        let Query(params) = Query::try_from_uri(&parts.uri).map_err(|rejection| {
-            let text = rejection.body_text();
-            let description = text.split_once(": ").map_or(text.as_str(), |(_, description)| description);
-            Error::field("query", description)
-        })?;
+        let Query(params) =
+            Query::try_from_uri(&parts.uri).map_err(|rejection| bad_parameter(&rejection.body_text()))?;
         Ok(Self(params))
     }
+}
+
+/// The rejection reads "Failed to deserialize query string: page_size: invalid digit found in string".
+fn bad_parameter(rejection: &str) -> Error {
+    let (_, text) = rejection.split_once(": ").unwrap_or(("", rejection));
+    let (name, description) = text.split_once(": ").unwrap_or(("query", text));
+    Error::field(name, description)
 }
 
 /// The media type of the body without its parameters, in lower case; empty where none is given.
@@ -55,7 +59,8 @@ pub(super) fn unsupported(found: &str, taken: &str) -> Problem {
 pub(super) async fn json_body(request: Request, limits: &Limits) -> Result<Value, Problem> {
     let hint = "send large clouds as PLY or as packed floats (application/octet-stream)";
     let bytes = body(request, limits.json_bytes, "the JSON body", hint).await?;
-    serde_json::from_slice(&bytes).map_err(|error| Problem::unparsable(format!("the body is not JSON: {error}")))
+    serde_json::from_slice(&bytes)
+        .map_err(|error| Problem::unparsable(format!("the body is not JSON: {error}")))
 }
 
 /// The whole body as a file.
@@ -96,7 +101,10 @@ fn fill(name: &str, field: &mut String, value: String, source: &str) -> Result<(
     if field.is_empty() {
         *field = value;
     } else if *field != value {
-        return Err(Error::field(name, format!("{field:?} is not {value:?}, which {source} says: give it once")));
+        return Err(Error::field(
+            name,
+            format!("{field:?} is not {value:?}, which {source} says: give it once"),
+        ));
     }
     Ok(())
 }
@@ -137,6 +145,24 @@ mod tests {
         fill_request_id(&mut field, &headers).unwrap();
         headers.insert("Idempotency-Key", HeaderValue::from_static("other"));
         assert_eq!(fill_request_id(&mut field, &headers).unwrap_err().fields()[0].field, "request_id");
+    }
+
+    #[tokio::test]
+    async fn a_bad_parameter_is_named() {
+        #[derive(Debug, serde::Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Page {
+            #[expect(dead_code, reason = "only its type matters here")]
+            page_size: Option<u32>,
+        }
+        let field = async |uri: &str| {
+            let (mut parts, ()) = http::Request::get(uri).body(()).unwrap().into_parts();
+            let result = Params::<Page>::from_request_parts(&mut parts, &()).await;
+            serde_json::from_str::<Value>(&result.err().unwrap().to_json()).unwrap()["fields"][0]["field"]
+                .take()
+        };
+        assert_eq!(field("/?page_size=x").await, "page_size");
+        assert_eq!(field("/?pagesize=1").await, "pagesize");
     }
 
     #[test]

@@ -45,17 +45,16 @@ fn packed_floats(items: &[Value]) -> Result<Vec<u8>, Error> {
 }
 
 fn float(value: &Value, index: usize) -> Result<f32, Error> {
-    value
-        .as_f64()
-        .map(|value| value as f32)
-        .ok_or_else(|| Error::field(format!("{FIELD}[{index}]"), format!("{value} is not a number in metres")))
+    value.as_f64().map(|value| value as f32).ok_or_else(|| {
+        Error::field(format!("{FIELD}[{index}]"), format!("{value} is not a number in metres"))
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn packed(points: Value) -> Result<Value, Error> {
+    fn packed(points: &Value) -> Result<Value, Error> {
         let mut body = json!({ "prior": { "points": points } });
         pack(&mut body)?;
         Ok(body["prior"].take())
@@ -63,8 +62,8 @@ mod tests {
 
     #[test]
     fn nested_and_flat_arrays_become_the_same_bytes() {
-        let nested = packed(json!([[0.5, 1, -2], [3, 4, 5e-1]])).unwrap();
-        let flat = packed(json!([0.5, 1, -2, 3, 4, 5e-1])).unwrap();
+        let nested = packed(&json!([[0.5, 1, -2], [3, 4, 5e-1]])).unwrap();
+        let flat = packed(&json!([0.5, 1, -2, 3, 4, 5e-1])).unwrap();
         assert_eq!(nested, flat);
         assert_eq!(nested["encoding"], "POINT_ENCODING_XYZ_F32_LE");
         let bytes = BASE64_STANDARD.decode(nested["points"].as_str().unwrap()).unwrap();
@@ -82,7 +81,7 @@ mod tests {
 
     #[test]
     fn what_is_no_point_is_named_by_its_index() {
-        let field = |points| packed(points).unwrap_err().fields()[0].field.clone();
+        let field = |points: Value| packed(&points).unwrap_err().fields()[0].field.clone();
         assert_eq!(field(json!([[0, 0, 0], [1, 2]])), "prior.points[1]");
         assert_eq!(field(json!([[0, 0, 0], [1, 2, null]])), "prior.points[1]");
         assert_eq!(field(json!([0, 0, "1"])), "prior.points[2]");

@@ -19,7 +19,10 @@ pub(super) fn routes() -> Router<Api> {
         .route("/v1/sessions/{session_id}/export", later(MethodFilter::GET, "ExportSession"))
         .route("/v1/imports", later(MethodFilter::POST, "ImportSession"))
         .route("/v1/experiments", later(MethodFilter::GET, "the list of experiments"))
-        .route("/v1/experiments/{experiment}/summary", later(MethodFilter::GET, "the summary of an experiment"))
+        .route(
+            "/v1/experiments/{experiment}/summary",
+            later(MethodFilter::GET, "the summary of an experiment"),
+        )
 }
 
 fn later(method: MethodFilter, what: &'static str) -> MethodRouter<Api> {

@@ -2,13 +2,14 @@
 
 use axum::extract::{Path, State};
 use axum::response::{IntoResponse, Response};
-use http::header::{CACHE_CONTROL, CONTENT_DISPOSITION, CONTENT_TYPE, VARY};
+use http::header::{CACHE_CONTROL, CONTENT_DISPOSITION, CONTENT_TYPE, IF_NONE_MATCH, VARY};
 use http::{HeaderMap, StatusCode};
 use palpate_proto::v1;
 use serde::{Deserialize, Serialize};
 
+use super::extract::{Params, text};
 use super::problem::Problem;
-use super::{extract, negotiation, tagged};
+use super::{negotiation, tagged};
 use crate::api::{Api, Call};
 use crate::error::Error;
 
@@ -58,8 +59,16 @@ pub(super) struct MeshArrays {
     responses(
         (
             status = 200, description = "The surface, in metres, in the session's frame",
-            content((MeshArrays = "application/json"), (Vec<u8> = "model/ply"), (String = "model/obj"), (Vec<u8> = "model/stl")),
-            headers(("ETag", description = "Names this content"), ("Cache-Control", description = "A year for a fixed revision")),
+            content(
+                (MeshArrays = "application/json"),
+                (ref("#/components/schemas/File") = "model/ply"),
+                (ref("#/components/schemas/File") = "model/stl"),
+                (String = "model/obj"),
+            ),
+            headers(
+                ("ETag", description = "Names this content"),
+                ("Cache-Control", description = "A year for a fixed revision"),
+            ),
         ),
         (status = 304, description = "It is still what `If-None-Match` names"),
     ),
@@ -67,7 +76,7 @@ pub(super) struct MeshArrays {
 pub(super) async fn get(
     State(api): State<Api>,
     Path(session_id): Path<String>,
-    extract::Params(params): extract::Params<MeshParams>,
+    Params(params): Params<MeshParams>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let MeshParams { format, revision } = params;
@@ -80,7 +89,7 @@ pub(super) async fn get(
         session_id: session_id.clone(),
         revision,
         format: format.into(),
-        if_none_match: String::new(),
+        if_none_match: text(&headers, &IF_NONE_MATCH).unwrap_or_default().to_owned(),
         have_topology: String::new(),
     };
     let mesh = api.get_mesh(request, Call::default()).await?;
@@ -91,7 +100,7 @@ pub(super) async fn get(
 }
 
 fn body(mesh: v1::Mesh, session_id: &str) -> Result<Response, Error> {
-    let v1::Mesh { revision, etag: _, content_type, not_modified: _, body } = mesh;
+    let v1::Mesh { revision, etag: _, content_type, not_modified, body } = mesh;
     match body {
         Some(v1::mesh::Body::File(file)) => {
             let extension = content_type.rsplit('/').next().unwrap_or_default();
@@ -99,6 +108,7 @@ fn body(mesh: v1::Mesh, session_id: &str) -> Result<Response, Error> {
             Ok(([(CONTENT_TYPE, content_type), (CONTENT_DISPOSITION, name)], file).into_response())
         }
         Some(v1::mesh::Body::Raw(raw)) => Ok(axum::Json(arrays(revision, &raw)).into_response()),
+        None if not_modified => Ok(().into_response()),
         None => Err(Error::internal("a mesh without a body")),
     }
 }

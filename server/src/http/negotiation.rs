@@ -19,7 +19,8 @@ pub(super) fn choose<T: Copy>(headers: &HeaderMap, offers: &[(&str, T)]) -> Opti
     let mut best: Option<(f32, T)> = None;
     for (media_type, offer) in offers {
         // The most specific range decides, so that `model/ply;q=0, */*` means anything but PLY.
-        let range = ranges.iter().filter(|range| range.matches(media_type)).max_by_key(|range| range.specificity());
+        let range =
+            ranges.iter().filter(|range| range.matches(media_type)).max_by_key(|range| range.specificity());
         let quality = range.map_or(0.0, |range| range.quality);
         if quality > best.map_or(0.0, |(quality, _)| quality) {
             best = Some((quality, *offer));
@@ -31,7 +32,10 @@ pub(super) fn choose<T: Copy>(headers: &HeaderMap, offers: &[(&str, T)]) -> Opti
 /// Whether the caller names `media_type` itself, not only by a wildcard.
 pub(super) fn names(headers: &HeaderMap, media_type: &str) -> bool {
     choose(headers, &[(media_type, ())]).is_some()
-        && headers.get_all(ACCEPT).iter().any(|value| value.to_str().is_ok_and(|value| value.contains(media_type)))
+        && headers
+            .get_all(ACCEPT)
+            .iter()
+            .any(|value| value.to_str().is_ok_and(|value| value.contains(media_type)))
 }
 
 /// One media range with the caller's liking for it, in [0, 1].
@@ -71,7 +75,8 @@ mod tests {
 
     use super::*;
 
-    const OFFERS: [(&str, &str); 3] = [("model/ply", "ply"), ("model/stl", "stl"), ("application/json", "json")];
+    const OFFERS: [(&str, &str); 3] =
+        [("model/ply", "ply"), ("model/stl", "stl"), ("application/json", "json")];
 
     fn chosen(accept: &'static str) -> Option<&'static str> {
         let mut headers = HeaderMap::new();

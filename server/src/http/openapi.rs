@@ -1,7 +1,6 @@
 //! `/openapi.json` and the page that shows it: paths from the handlers, schemas from the contract.
 
 use axum::Router;
-use http::header::CONTENT_TYPE;
 use serde_json::{Value, json};
 use utoipa::OpenApi as _;
 use utoipa::openapi::OpenApi;
@@ -9,7 +8,7 @@ use utoipa_swagger_ui::{Config, SwaggerUi};
 
 use super::problem::{Document, Field};
 use super::proto_json::CONTRACT;
-use super::{HeaderAndBody, schema};
+use super::schema;
 
 /// Where the document starts: what the service is.
 pub(super) fn introduction() -> OpenApi {
@@ -37,18 +36,20 @@ pub(super) fn introduction() -> OpenApi {
 }
 
 /// Completes the document of the routes by the contract's schemas and by what every route may refuse.
-pub(super) fn document(paths: OpenApi) -> HeaderAndBody {
+pub(super) fn document(paths: OpenApi) -> String {
     let document = serde_json::to_value(paths).map_err(|error| error.to_string()).and_then(|mut document| {
         let contract = CONTRACT.as_ref().map_err(String::clone)?;
         for (name, schema) in schema::schemas(contract) {
             document["components"]["schemas"][name] = schema;
         }
+        document["components"]["schemas"]["File"] =
+            json!({ "type": "string", "format": "binary", "description": "The bytes of a file." });
         add_problems(&mut document);
         Ok(document)
     });
     // Neither can happen in a server whose tests passed; a reader is still better served by words than by nothing.
     let document = document.unwrap_or_else(|error| json!({ "error": error }));
-    ([(CONTENT_TYPE, "application/json")], document.to_string())
+    document.to_string()
 }
 
 fn add_problems(document: &mut Value) {
@@ -72,7 +73,7 @@ mod tests {
     use super::*;
 
     fn served() -> Value {
-        serde_json::from_str(&document(crate::http::documented().into_openapi()).1).unwrap()
+        serde_json::from_str(&document(crate::http::documented().into_openapi())).unwrap()
     }
 
     fn references<'a>(value: &'a Value, found: &mut Vec<&'a str>) {
@@ -105,7 +106,9 @@ mod tests {
         let paths = document["paths"].as_object().unwrap();
         let mut operations: Vec<String> = paths
             .iter()
-            .flat_map(|(path, item)| item.as_object().unwrap().keys().map(move |method| format!("{method} {path}")))
+            .flat_map(|(path, item)| {
+                item.as_object().unwrap().keys().map(move |method| format!("{method} {path}"))
+            })
             .collect();
         operations.sort();
         let expected = [

@@ -1,5 +1,7 @@
 //! Refusals as problem documents (RFC 9457), with the same reasons and field paths as over gRPC.
 
+use std::any::Any;
+
 use axum::response::{IntoResponse, Response};
 use http::header::{CONTENT_TYPE, RETRY_AFTER};
 use http::{HeaderValue, StatusCode};
@@ -11,7 +13,8 @@ use crate::error::{Error, FieldViolation};
 #[derive(Clone, Debug)]
 pub(super) struct Problem {
     status: StatusCode,
-    body: Document,
+    // Boxed, so that the results of handlers stay small.
+    body: Box<Document>,
 }
 
 /// What went wrong, for people (`detail`) and for programs (`reason`, `fields`).
@@ -60,7 +63,7 @@ impl Problem {
             fields: Vec::new(),
             retry_after_ms: None,
         };
-        Self { status, body }
+        Self { status, body: Box::new(body) }
     }
 
     /// A body that is not JSON at all.
@@ -68,9 +71,12 @@ impl Problem {
         Self::new(StatusCode::BAD_REQUEST, "UNPARSABLE", detail)
     }
 
-    /// A handler that broke down; the panic itself is in the log.
-    pub(super) fn panicked() -> Self {
-        Error::internal("a handler panicked").into()
+    /// A handler that broke down, with what it said.
+    pub(super) fn panicked(panic: &(dyn Any + Send)) -> Self {
+        let text = panic.downcast_ref::<String>().map(String::as_str);
+        let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("without a text");
+        tracing::error!(panic = text, "a handler panicked");
+        Error::internal(text).into()
     }
 
     /// The document as text, for places that are no response of their own.
@@ -82,9 +88,6 @@ impl Problem {
 
 impl From<Error> for Problem {
     fn from(error: Error) -> Self {
-        if let Some(detail) = error.detail() {
-            tracing::error!(reason = error.reason(), detail, "request failed");
-        }
         let mut problem = Self::new(error.http_status(), error.reason(), error.to_string());
         problem.body.fields = error.fields().iter().map(field).collect();
         problem.body.retry_after_ms =
@@ -99,7 +102,7 @@ fn field(FieldViolation { field, description, non_finite: _ }: &FieldViolation) 
 
 impl IntoResponse for Problem {
     fn into_response(self) -> Response {
-        let mut response = (self.status, self.to_json()).into_response();
+        let mut response = (self.status, self.to_json() + "\n").into_response();
         let headers = response.headers_mut();
         headers.insert(CONTENT_TYPE, HeaderValue::from_static("application/problem+json"));
         if let Some(milliseconds) = self.body.retry_after_ms {

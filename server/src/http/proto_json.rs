@@ -3,6 +3,7 @@
 //!
 //! Reading is strict: a field that does not exist is an error, because a misspelt one would be ignored in silence.
 
+use std::fmt::Display;
 use std::sync::LazyLock;
 
 use axum::extract::{FromRequest, Request};
@@ -38,7 +39,8 @@ impl<T: Message + Name + Default> FromRequest<Api> for ProtoJson<T> {
 impl<T: Message + Name> IntoResponse for ProtoJson<T> {
     fn into_response(self) -> Response {
         match to_json(&self.0) {
-            Ok(json) => ([(CONTENT_TYPE, "application/json")], json).into_response(),
+            // The line break keeps a terminal readable.
+            Ok(json) => ([(CONTENT_TYPE, "application/json")], json + "\n").into_response(),
             Err(error) => Problem::from(error).into_response(),
         }
     }
@@ -50,13 +52,11 @@ pub(super) fn to_json<T: Message + Name>(message: &T) -> Result<String, Error> {
         .use_proto_field_name(true)
         .stringify_64_bit_integers(false)
         .skip_default_fields(false);
-    let dynamic = DynamicMessage::decode(descriptor::<T>()?, message.encode_to_vec().as_slice())
-        .map_err(|error| Error::internal(error.to_string()))?;
+    let dynamic =
+        DynamicMessage::decode(descriptor::<T>()?, message.encode_to_vec().as_slice()).map_err(broken)?;
     let mut json = serde_json::Serializer::new(Vec::new());
-    dynamic
-        .serialize_with_options(&mut json, &OPTIONS)
-        .map_err(|error| Error::internal(error.to_string()))?;
-    String::from_utf8(json.into_inner()).map_err(|error| Error::internal(error.to_string()))
+    dynamic.serialize_with_options(&mut json, &OPTIONS).map_err(broken)?;
+    String::from_utf8(json.into_inner()).map_err(broken)
 }
 
 /// Reads a message.
@@ -73,13 +73,19 @@ pub(super) fn from_json<T: Message + Name + Default>(json: &Value) -> Result<T, 
                 .unwrap_or_else(|| Error::field(track.path().to_string(), error.to_string()))
         })?
         .transcode_to()
-        .map_err(|error| Error::internal(error.to_string()))
+        .map_err(broken)
 }
 
 fn descriptor<T: Name>() -> Result<MessageDescriptor, Error> {
-    let contract = CONTRACT.as_ref().map_err(Error::internal)?;
+    let contract = CONTRACT.as_ref().map_err(broken)?;
     let name = T::full_name();
-    contract.get_message_by_name(&name).ok_or_else(|| Error::internal(format!("{name} is not in the contract")))
+    contract.get_message_by_name(&name).ok_or_else(|| broken(format!("{name} is not in the contract")))
+}
+
+/// What only a bug of this server can bring about.
+fn broken(error: impl Display) -> Error {
+    tracing::error!(%error, "JSON and contract do not fit together");
+    Error::internal(error.to_string())
 }
 
 /// The first field of `json` that the message does not have, with those that it has.

@@ -53,8 +53,7 @@ fn field_schema(field: &FieldDescriptor) -> Value {
     } else {
         kind_schema(&field.kind())
     };
-    let mut description =
-        comment(field.parent_message().parent_file().file_descriptor_proto(), field.path());
+    let mut description = comment(field.parent_message().parent_file().file_descriptor_proto(), field.path());
     if let Some(oneof) = field.containing_oneof().filter(|oneof| oneof.fields().len() > 1) {
         let names: Vec<String> = oneof.fields().map(|field| format!("`{}`", field.name())).collect();
         description = format!("{description} (Only one of {}.)", names.join(", "));
@@ -102,7 +101,9 @@ fn reference(name: &str) -> Value {
 /// The comment above the declaration at `path`, without the blanks that every line begins with.
 fn comment(file: &prost_types::FileDescriptorProto, path: &[i32]) -> String {
     let locations = file.source_code_info.iter().flat_map(|info| &info.location);
-    let text = locations.filter(|location| location.path == path).find_map(|location| location.leading_comments.as_deref());
+    let text = locations
+        .filter(|location| location.path == path)
+        .find_map(|location| location.leading_comments.as_deref());
     let lines: Vec<&str> = text.unwrap_or_default().lines().map(str::trim).collect();
     lines.join("\n").trim().to_owned()
 }

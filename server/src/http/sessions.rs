@@ -144,7 +144,8 @@ fn parse_state(text: &str) -> Result<v1::SessionState, Error> {
     let upper = text.to_ascii_uppercase();
     let name = format!("{PREFIX}{}", upper.strip_prefix(PREFIX).unwrap_or(&upper));
     v1::SessionState::from_str_name(&name).ok_or_else(|| {
-        let reason = format!("{text:?} is no state: there are awaiting_prior, active, finished and quarantined");
+        let reason =
+            format!("{text:?} is no state: there are awaiting_prior, active, finished and quarantined");
         Error::field("state", reason)
     })
 }

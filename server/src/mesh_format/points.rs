@@ -53,7 +53,8 @@ fn point_from_le(bytes: &[u8; BYTES_A_POINT]) -> Point {
 fn read_ply(bytes: &[u8]) -> Result<Vec<Point>, String> {
     let parser = Parser::<Vertex>::new();
     let mut reader = Reader::new(Cursor::new(bytes));
-    let header = parser.read_header(&mut reader).map_err(|error| format!("no PLY header: {}", brief(&error)))?;
+    let header =
+        parser.read_header(&mut reader).map_err(|error| format!("no PLY header: {}", brief(&error)))?;
     check_header(&header, bytes.len() - reader.get_ref().position() as usize)?;
     // Elements come in the order of the header; those after the vertices are never looked at.
     for (name, element) in &header.elements {
@@ -236,9 +237,11 @@ mod tests {
     #[test]
     fn what_is_no_cloud_is_refused_in_words() {
         assert!(reason(b"solid stl").contains("no PLY header"));
-        let faces = "ply\nformat ascii 1.0\nelement face 0\nproperty list uchar int vertex_indices\nend_header\n";
+        let faces =
+            "ply\nformat ascii 1.0\nelement face 0\nproperty list uchar int vertex_indices\nend_header\n";
         assert!(reason(faces.as_bytes()).contains("no element 'vertex'"));
-        let flat = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nend_header\n1 2\n";
+        let flat =
+            "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nend_header\n1 2\n";
         assert!(reason(flat.as_bytes()).contains("'z'"));
         let counts = "ply\nformat ascii 1.0\nelement vertex 1\nproperty int x\nproperty int y\nproperty int z\nend_header\n1 2 3\n";
         assert!(reason(counts.as_bytes()).contains("float or double property 'x'"));

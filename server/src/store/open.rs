@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use sqlx::migrate::{MigrateError, Migrator};
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
-use sqlx::{ConnectOptions, SqliteConnection, SqlitePool};
+use sqlx::{SqliteConnection, SqlitePool};
 
 static MIGRATIONS: Migrator = sqlx::migrate!("../migrations");
 
@@ -56,12 +56,15 @@ pub(super) async fn writer(database: &Path) -> Result<SqliteConnection, OpenErro
         .create_if_missing(true)
         .journal_mode(SqliteJournalMode::Wal)
         .synchronous(SqliteSynchronous::Full);
-    let opened = options.connect().await;
-    let mut connection = opened.map_err(|source| OpenError::Open { path: database.into(), source })?;
+    // Migrations run on a pool; its one connection is then the writer's.
+    let opened = SqlitePoolOptions::new().max_connections(1).connect_with(options).await;
+    let pool = opened.map_err(|source| OpenError::Open { path: database.into(), source })?;
+    let mut connection = pool.acquire().await?;
     check_version(&mut connection).await?;
     check_settings(&mut connection).await?;
-    MIGRATIONS.run(&mut connection).await?;
-    Ok(connection)
+    drop(connection);
+    MIGRATIONS.run(&pool).await?;
+    Ok(pool.acquire().await?.detach())
 }
 
 /// Connections that cannot write.

@@ -57,8 +57,9 @@ const EVENT_COLUMNS: &str =
 impl Store {
     /// One session.
     pub(crate) async fn session(&self, session_id: &str) -> Result<Option<SessionRow>, StoreError> {
-        let query =
-            sqlx::query_as("select session_id, created_us, head, summary from sessions where session_id = $1");
+        let query = sqlx::query_as(
+            "select session_id, created_us, head, summary from sessions where session_id = $1",
+        );
         Ok(query.bind(session_id).fetch_optional(&self.readers).await?)
     }
 
@@ -115,8 +116,9 @@ impl Store {
         session_id: &str,
         request_id: &str,
     ) -> Result<Option<FirstReply>, StoreError> {
-        let query =
-            sqlx::query_as("select request_digest, reply from events where session_id = $1 and request_id = $2");
+        let query = sqlx::query_as(
+            "select request_digest, reply from events where session_id = $1 and request_id = $2",
+        );
         Ok(query.bind(session_id).bind(request_id).fetch_optional(&self.readers).await?)
     }
 
@@ -127,9 +129,14 @@ impl Store {
     }
 
     /// The digest of the request that deleted the session under this request id, if there was one.
-    pub(crate) async fn deleted_by(&self, session_id: &str, request_id: &str) -> Result<Option<Vec<u8>>, StoreError> {
-        let query =
-            sqlx::query_scalar("select request_digest from deletions where session_id = $1 and request_id = $2");
+    pub(crate) async fn deleted_by(
+        &self,
+        session_id: &str,
+        request_id: &str,
+    ) -> Result<Option<Vec<u8>>, StoreError> {
+        let query = sqlx::query_scalar(
+            "select request_digest from deletions where session_id = $1 and request_id = $2",
+        );
         Ok(query.bind(session_id).bind(request_id).fetch_optional(&self.readers).await?)
     }
 }

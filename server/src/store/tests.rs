@@ -54,10 +54,8 @@ async fn of_two_writers_of_one_seq_one_wins() {
     // Two stores on one file stand for two processes.
     let (one, other) = (open(&folder).await, open(&folder).await);
     one.create(session("mug"), event(1, "a")).await.unwrap();
-    let (first, second) = tokio::join!(
-        one.append(head("mug"), event(2, "b")),
-        other.append(head("mug"), event(2, "c"))
-    );
+    let (first, second) =
+        tokio::join!(one.append(head("mug"), event(2, "b")), other.append(head("mug"), event(2, "c")));
     assert_eq!(usize::from(first.is_ok()) + usize::from(second.is_ok()), 1);
     assert_eq!(one.events("mug", 0, 10).await.unwrap().len(), 2);
 }
@@ -157,4 +155,6 @@ async fn a_creation_without_id_is_found_by_its_request() {
     assert!(store.session("two").await.unwrap().is_none(), "the losing creation left nothing behind");
     store.check_writable().await.unwrap();
     store.close().await;
+    assert!(store.check_writable().await.is_err());
+    assert!(!folder.path().join("log.db-wal").exists(), "a closed log is one file");
 }

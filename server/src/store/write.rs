@@ -4,8 +4,9 @@
 
 use std::collections::BTreeMap;
 
-use sqlx::SqliteConnection;
+use sqlx::{Connection, SqliteConnection};
 use tokio::sync::{mpsc, oneshot};
+use tokio_util::sync::CancellationToken;
 
 use super::StoreError;
 
@@ -70,10 +71,15 @@ pub(super) struct Job {
     pub(super) done: oneshot::Sender<Result<(), StoreError>>,
 }
 
-/// Serves the queue until its last sender is gone.
-pub(super) async fn run(mut connection: SqliteConnection, mut queue: mpsc::Receiver<Job>, batch: usize) {
+/// Serves the queue until it is told to close, or its last sender is gone.
+pub(super) async fn run(
+    mut connection: SqliteConnection,
+    mut queue: mpsc::Receiver<Job>,
+    batch: usize,
+    closing: CancellationToken,
+) {
     let mut jobs = Vec::with_capacity(batch);
-    while queue.recv_many(&mut jobs, batch).await > 0 {
+    while receive(&mut queue, &mut jobs, batch, &closing).await > 0 {
         let outcomes = commit_group(&mut connection, &jobs).await;
         if let Err(failure) = &outcomes {
             tracing::error!(%failure, changes = jobs.len(), "a group of changes was not committed");
@@ -81,11 +87,30 @@ pub(super) async fn run(mut connection: SqliteConnection, mut queue: mpsc::Recei
             let _ = execute(&mut connection, "rollback").await;
         }
         for (index, job) in jobs.drain(..).enumerate() {
-            let outcome = outcomes.as_ref().map_or_else(|failure| Err(failure.clone()), |each| each[index].clone());
+            let outcome =
+                outcomes.as_ref().map_or_else(|failure| Err(failure.clone()), |each| each[index].clone());
             // The caller may have gone; the change stands all the same.
             let _ = job.done.send(outcome);
         }
     }
+    if let Err(failure) = connection.close().await {
+        tracing::error!(%failure, "the database was not closed well; nothing that was acknowledged is lost");
+    }
+}
+
+/// Waits for changes; 0 when there will be no more.
+async fn receive(
+    queue: &mut mpsc::Receiver<Job>,
+    jobs: &mut Vec<Job>,
+    batch: usize,
+    closing: &CancellationToken,
+) -> usize {
+    tokio::select! {
+        count = queue.recv_many(jobs, batch) => return count,
+        () = closing.cancelled() => queue.close(),
+    }
+    // A closed queue takes nothing new and still hands out what it holds.
+    queue.recv_many(jobs, batch).await
 }
 
 async fn commit_group(
@@ -121,7 +146,11 @@ async fn apply(connection: &mut SqliteConnection, change: &Change) -> Result<(),
     }
 }
 
-async fn create(connection: &mut SqliteConnection, session: &NewSession, event: &NewEvent) -> Result<(), StoreError> {
+async fn create(
+    connection: &mut SqliteConnection,
+    session: &NewSession,
+    event: &NewEvent,
+) -> Result<(), StoreError> {
     let NewSession { head, experiment, labels, id_is_ours } = session;
     let SessionHead { session_id, created_us, state, summary } = head;
     sqlx::query(
@@ -154,7 +183,11 @@ async fn create(connection: &mut SqliteConnection, session: &NewSession, event: 
     insert_event(connection, session_id, event).await
 }
 
-async fn append(connection: &mut SqliteConnection, head: &SessionHead, event: &NewEvent) -> Result<(), StoreError> {
+async fn append(
+    connection: &mut SqliteConnection,
+    head: &SessionHead,
+    event: &NewEvent,
+) -> Result<(), StoreError> {
     let SessionHead { session_id, created_us, state, summary } = head;
     let updated = sqlx::query(
         "update sessions set state = $1, head = $2, summary = $3

@@ -34,7 +34,8 @@ pub(crate) fn decode(text: &str) -> Option<CandidateId> {
     let vertex = parts.next()?.parse().ok()?;
     let bytes = URL_SAFE_NO_PAD.decode(parts.next()?).ok()?;
     let (chunks, rest) = bytes.as_chunks::<8>();
-    let numbers: [f64; 6] = chunks.iter().map(|&chunk| f64::from_le_bytes(chunk)).collect::<Vec<_>>().try_into().ok()?;
+    let numbers: [f64; 6] =
+        chunks.iter().map(|&chunk| f64::from_le_bytes(chunk)).collect::<Vec<_>>().try_into().ok()?;
     let [x, y, z, nx, ny, nz] = numbers;
     let normal = Vector::new(nx, ny, nz);
     if !rest.is_empty() || (normal.norm() - 1.0).abs() > 1e-9 {

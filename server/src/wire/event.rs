@@ -72,8 +72,8 @@ pub(crate) fn decode(row: EventRow, include_points: bool) -> Result<v1::Event, F
 ///
 /// # Errors
 /// The event cannot be read, or cannot be applied here: the log is damaged or of another version.
-pub(crate) fn fold(before: Option<&Snapshot>, row: &EventRow, limits: &Limits) -> Result<Snapshot, FoldError> {
-    let seq = row.seq;
+pub(crate) fn fold(before: Option<&Snapshot>, row: &EventRow) -> Result<Snapshot, FoldError> {
+    let (seq, limits) = (row.seq, &replay_limits());
     let failed = |reason: String| FoldError { seq, reason };
     let expected = before.map_or(1, |snapshot| snapshot.revision + 1);
     if seq != expected {
@@ -89,7 +89,8 @@ pub(crate) fn fold(before: Option<&Snapshot>, row: &EventRow, limits: &Limits) -
             from_proto::visual_prior("prior", &prior).map(|prior| Evidence::VisualPrior(prior.evidence))
         }
         (Some(before), Kind::ContactResult(result)) => {
-            from_proto::attempt(&result, &before.definition, before.revision, limits).map(Evidence::Attempt)
+            let head = before.revision;
+            from_proto::attempt(&result, &before.definition, head, limits).map(Evidence::Attempt)
         }
         (_, Kind::Created(_) | Kind::VisualPrior(_) | Kind::ContactResult(_)) => {
             return Err(failed("a session has one creation, and begins with it".into()));
@@ -104,7 +105,37 @@ pub(crate) fn fold(before: Option<&Snapshot>, row: &EventRow, limits: &Limits) -
     absorbed.map(|(after, _update)| after).map_err(|error| failed(error.to_string()))
 }
 
-fn kind(seq: i64, payload: &[u8]) -> Result<Kind, FoldError> {
+/// What was accepted once is replayed, whatever today's limits on texts are.
+fn replay_limits() -> Limits {
+    Limits { name_bytes: usize::MAX, text_bytes: usize::MAX, labels: usize::MAX, ..Limits::default() }
+}
+
+/// What a stored event says.
+///
+/// # Errors
+/// The stored bytes are no event.
+pub(crate) fn kind(seq: i64, payload: &[u8]) -> Result<Kind, FoldError> {
     let event = v1::Event::decode(payload).map_err(|error| FoldError { seq, reason: error.to_string() })?;
     event.kind.ok_or_else(|| FoldError { seq, reason: "says nothing".into() })
+}
+
+/// The session, and the candidates if some were asked for, that the reply to a stored event carried.
+///
+/// # Errors
+/// The stored reply cannot be read.
+pub(crate) fn reply_after(row: &EventRow) -> Result<(Option<v1::Session>, Vec<v1::Candidate>), FoldError> {
+    let seq = row.seq;
+    let bytes = row.reply.as_slice();
+    let parts = match kind(seq, &row.payload)? {
+        Kind::VisualPrior(_) => {
+            v1::AddVisualPriorResponse::decode(bytes).map(|reply| (reply.session, reply.candidates))
+        }
+        Kind::ContactResult(_) => {
+            v1::ReportContactResponse::decode(bytes).map(|reply| (reply.session, reply.candidates))
+        }
+        Kind::Created(_) | Kind::RetractedSeq(_) | Kind::Finished(_) => {
+            v1::Session::decode(bytes).map(|session| (Some(session), Vec::new()))
+        }
+    };
+    parts.map_err(|error| FoldError { seq, reason: error.to_string() })
 }

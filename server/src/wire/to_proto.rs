@@ -198,8 +198,9 @@ fn candidate(snapshot: &Snapshot, candidate: &exploration::Candidate) -> v1::Can
         why,
     } = candidate;
     // The core's points are finite and its normals of length one, so there is always a target.
-    let id = Target::new(*place, normal.into_inner())
-        .map(|target| candidate_id::encode(&CandidateId { revision: snapshot.revision, vertex: *vertex, target }));
+    let id = Target::new(*place, normal.into_inner()).map(|target| {
+        candidate_id::encode(&CandidateId { revision: snapshot.revision, vertex: *vertex, target })
+    });
     let sensor = snapshot.definition.sensor("");
     v1::Candidate {
         candidate_id: id.unwrap_or_default(),
@@ -214,7 +215,9 @@ fn candidate(snapshot: &Snapshot, candidate: &exploration::Candidate) -> v1::Can
         std_m: std_m.unwrap_or(0.0),
         mean_geodesic_m: *mean_geodesic_m,
         failure_risk: failure_risk.unwrap_or(0.0),
-        tool_pose: sensor.as_ref().map(|sensor| pose(&tool_pose(probe_start, normal, &sensor.tool_from_sensor))),
+        tool_pose: sensor
+            .as_ref()
+            .map(|sensor| pose(&tool_pose(probe_start, normal, &sensor.tool_from_sensor))),
         sensor_id: sensor.map_or_else(String::new, |sensor| sensor.id),
         relaxed: *relaxed,
         why: why.clone(),
@@ -240,7 +243,8 @@ fn score_term(term: &exploration::ScoreTerm) -> v1::ScoreTerm {
 }
 
 pub(crate) fn excluded(excluded: &exploration::Excluded) -> v1::Excluded {
-    let &exploration::Excluded { already_certain, no_confident_neighbour, keep_out, recently_failed } = excluded;
+    let &exploration::Excluded { already_certain, no_confident_neighbour, keep_out, recently_failed } =
+        excluded;
     v1::Excluded {
         already_certain,
         no_confident_neighbour,
@@ -257,8 +261,7 @@ mod tests {
 
     #[test]
     fn the_tool_puts_the_pad_before_the_candidate_and_facing_it() {
-        let tool_from_sensor =
-            Pose::new(Vector::new(0.02, -0.01, 0.15), Vector::new(0.3, -0.2, 0.5));
+        let tool_from_sensor = Pose::new(Vector::new(0.02, -0.01, 0.15), Vector::new(0.3, -0.2, 0.5));
         let start = Point::new(0.4, 0.1, 0.2);
         for normal in [Vector::z(), -Vector::z(), Vector::new(0.6, -0.64, 0.48)] {
             let normal = Direction::new_normalize(normal);

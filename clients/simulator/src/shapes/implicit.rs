@@ -98,9 +98,8 @@ struct Surface {
 impl Surface {
     /// Adds the one or two triangles that separate the inner from the outer corners.
     fn cut(&mut self, tetrahedron: [u32; 4]) {
-        let (inside, outside): (Vec<u32>, Vec<u32>) = tetrahedron
-            .into_iter()
-            .partition(|&corner| self.corners[corner as usize].1 < 0.0);
+        let (inside, outside): (Vec<u32>, Vec<u32>) =
+            tetrahedron.into_iter().partition(|&corner| self.corners[corner as usize].1 < 0.0);
         match (inside.as_slice(), outside.as_slice()) {
             (&[a], &[b, c, d]) | (&[b, c, d], &[a]) => {
                 let triangle = [b, c, d].map(|other| self.vertex_between(a, other));

@@ -18,9 +18,9 @@ pub(super) fn random(seed: u64) -> TriangleMesh {
     let mut rng = generator(seed, Stream::Shape);
     let semi_axes = Vector::from_fn(|_, _| rng.random_range(0.020..0.075));
     let exponents = [rng.random_range(0.2..1.2), rng.random_range(0.2..1.2)];
-    let orientation = UnitQuaternion::new_normalize(Quaternion::from(
-        nalgebra::Vector4::from_fn(|_, _| standard_normal(&mut rng)),
-    ));
+    let orientation = UnitQuaternion::new_normalize(Quaternion::from(nalgebra::Vector4::from_fn(|_, _| {
+        standard_normal(&mut rng)
+    })));
     Icosphere::get(SUBDIVISIONS).mesh_of(|direction| {
         let on_unit = direction.into_inner() / gauge(direction, exponents);
         Point::from(orientation * on_unit.component_mul(&semi_axes))

@@ -1,6 +1,6 @@
 //! One exploration, told as it happens: a line a touch, a bar, and what came of it.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -8,7 +8,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use palpate_client::Client;
 use palpate_client::proto::v1::StopReason;
 use palpate_core::geometry::TriangleMesh;
-use palpate_core::metrics::{Comparison, Reference, Sampling};
+use palpate_core::metrics::{Comparison, MetricsError, Reference, Sampling};
 use palpate_simulator::body::Body;
 use palpate_simulator::probe::Outcome;
 use palpate_simulator::robot::{Attempt, Plan, Robot};
@@ -41,7 +41,8 @@ pub(in crate::commands) async fn drive(
     let bar = ProgressBar::new(plan.attempts.into());
     bar.set_style(ProgressStyle::with_template("{bar:40} {pos}/{len} touches, {eta} left")?);
     let mut robot = Robot::begin(client, body, plan).await?;
-    let mut error_m = measure(&reference, robot.estimate().await?.mesh).await?.surface_distance_m;
+    let mesh = robot.estimate().await?.mesh;
+    let mut error_m = measure(&reference, mesh, Reference::surface_distance_m).await?;
     bar.suspend(|| {
         println!("\nattempt  outcome  error mm  mean uncertainty");
         println!("   none  camera   {:8.2}  {:16.3}", 1e3 * error_m, mean_uncertainty(&robot));
@@ -57,12 +58,13 @@ pub(in crate::commands) async fn drive(
         stopped = attempt.should_stop;
         missed += u32::from(attempt.outcome == Outcome::Miss);
         early += u32::from(matches!(attempt.outcome, Outcome::Early(_)));
-        error_m = measure(&reference, robot.estimate().await?.mesh).await?.surface_distance_m;
+        let mesh = robot.estimate().await?.mesh;
+        error_m = measure(&reference, mesh, Reference::surface_distance_m).await?;
         bar.inc(1);
         bar.suspend(|| println!("{}", line(&attempt, error_m)));
     }
     bar.finish_and_clear();
-    let comparison = measure(&reference, robot.estimate().await?.mesh).await?;
+    let comparison = measure(&reference, robot.estimate().await?.mesh, Reference::compare).await?;
     Ok(Exploration {
         session_id: robot.session().session_id.clone(),
         ply: robot.ply().await?,
@@ -77,9 +79,13 @@ pub(in crate::commands) async fn drive(
 }
 
 /// Compares off the async executor, which has a server to run.
-async fn measure(reference: &Arc<Reference>, mesh: TriangleMesh) -> Result<Comparison, Failure> {
+async fn measure<T: Send + 'static>(
+    reference: &Arc<Reference>,
+    mesh: TriangleMesh,
+    metric: fn(&Reference, &TriangleMesh) -> Result<T, MetricsError>,
+) -> Result<T, Failure> {
     let reference = Arc::clone(reference);
-    Ok(tokio::task::spawn_blocking(move || reference.compare(&mesh)).await??)
+    Ok(tokio::task::spawn_blocking(move || metric(&reference, &mesh)).await??)
 }
 
 fn mean_uncertainty(robot: &Robot<'_>) -> f64 {
@@ -111,7 +117,10 @@ impl std::fmt::Display for Exploration {
         let Self { attempts, missed, early, touching, mean_uncertainty, stopped, comparison, .. } = self;
         let each_ms = 1e3 * touching.as_secs_f64() / f64::from((*attempts).max(1));
         let seconds = touching.as_secs_f64();
-        writeln!(f, "{attempts} touches in {seconds:.1} s, {each_ms:.0} ms each: report, estimate, next candidate")?;
+        writeln!(
+            f,
+            "{attempts} touches in {seconds:.1} s, {each_ms:.0} ms each: report, estimate, next candidate"
+        )?;
         writeln!(f, "{} failures: {missed} missed, {early} early", missed + early)?;
         let mm = |metres: f64| 1e3 * metres;
         writeln!(f, "error: {:.2} mm mean surface distance", mm(comparison.surface_distance_m))?;
@@ -128,6 +137,6 @@ impl std::fmt::Display for Exploration {
 /// Writes the estimate's PLY file and says where.
 pub(in crate::commands) fn save_ply(exploration: &Exploration, path: &Path) -> Result<(), Failure> {
     std::fs::write(path, &exploration.ply).map_err(|error| format!("{}: {error}", path.display()))?;
-    println!("mesh: {} (per-vertex uncertainty in the property \"uncertainty\")", PathBuf::from(path).display());
+    println!("mesh: {} (per-vertex uncertainty in the property \"uncertainty\")", path.display());
     Ok(())
 }

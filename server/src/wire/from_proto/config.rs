@@ -70,9 +70,7 @@ fn strategy(value: i32) -> Result<Strategy, Error> {
         Ok(v1::Strategy::MinUncertainty) => Ok(Strategy::MinUncertainty),
         Ok(v1::Strategy::Uniform) => Ok(Strategy::Uniform),
         Ok(v1::Strategy::Random) => Ok(Strategy::Random),
-        Ok(v1::Strategy::ExpectedGain) => {
-            Err(Error::unimplemented("config.strategy STRATEGY_EXPECTED_GAIN"))
-        }
+        Ok(v1::Strategy::ExpectedGain) => Err(Error::unimplemented("config.strategy STRATEGY_EXPECTED_GAIN")),
         Err(_) => Err(Error::field("config.strategy", format!("{value} is no strategy"))),
     }
 }
@@ -86,8 +84,12 @@ fn stop(rule: &v1::StopRule) -> StopRule {
 fn check_travel(alpha_travel: Option<f64>) -> Result<(), Error> {
     match alpha_travel {
         None | Some(0.0) => Ok(()),
-        Some(weight) if !weight.is_finite() => Err(non_finite("config.alpha_travel", format!("{weight} is not finite"))),
-        Some(weight) if weight < 0.0 => Err(Error::field("config.alpha_travel", format!("{weight} is negative"))),
+        Some(weight) if !weight.is_finite() => {
+            Err(non_finite("config.alpha_travel", format!("{weight} is not finite")))
+        }
+        Some(weight) if weight < 0.0 => {
+            Err(Error::field("config.alpha_travel", format!("{weight} is negative")))
+        }
         Some(_) => Err(Error::unimplemented("config.alpha_travel other than 0")),
     }
 }

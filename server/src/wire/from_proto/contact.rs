@@ -50,11 +50,16 @@ fn target(id: &str, head: i64) -> Result<Option<Target>, Error> {
     }
     let field = "result.candidate_id";
     let Some(id) = candidate_id::decode(id) else {
-        return Err(Error::field(field, "was not made by this service: echo Candidate.candidate_id as it came"));
+        return Err(Error::field(
+            field,
+            "was not made by this service: echo Candidate.candidate_id as it came",
+        ));
     };
     if id.revision > head {
-        let description =
-            format!("is of revision {}, but the session is at revision {head}: is it of another session?", id.revision);
+        let description = format!(
+            "is of revision {}, but the session is at revision {head}: is it of another session?",
+            id.revision
+        );
         return Err(Error::field(field, description));
     }
     Ok(Some(id.target))
@@ -63,9 +68,8 @@ fn target(id: &str, head: i64) -> Result<Option<Target>, Error> {
 fn contact(message: &v1::Contact, definition: &Definition) -> Result<Contact, Error> {
     let v1::Contact { sensor_pose, wrench: measured, sensor_id, uncertainty, swept_from, normal } = message;
     let path = "result.contact";
-    let Sensor { id: _, tool_from_sensor: _, pad_half_side_m, contact_force_n: _ } = definition
-        .sensor(sensor_id)
-        .ok_or_else(|| unknown_sensor(sensor_id, definition))?;
+    let Sensor { id: _, tool_from_sensor: _, pad_half_side_m, contact_force_n: _ } =
+        definition.sensor(sensor_id).ok_or_else(|| unknown_sensor(sensor_id, definition))?;
     let base_from_sensor = pose("result.contact.sensor_pose", sensor_pose.as_ref())?;
     let wrench = match measured {
         None if uncertainty.is_none() => {

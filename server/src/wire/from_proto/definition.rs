@@ -79,6 +79,7 @@ pub(crate) fn check_session_id(session_id: &str) -> Result<(), Error> {
     if well_formed {
         return Ok(());
     }
-    let rule = "use 3 to 63 lower-case letters, digits and hyphens, a letter first; or leave it empty for a UUID";
+    let rule =
+        "use 3 to 63 lower-case letters, digits and hyphens, a letter first; or leave it empty for a UUID";
     Err(Error::field("session_id", format!("{session_id:?} cannot be used: {rule}")))
 }

@@ -59,10 +59,9 @@ fn encoding(field: &str, value: i32) -> Result<PointEncoding, Error> {
         Ok(v1::PointEncoding::DepthU16) => {
             Err(Error::unimplemented(format!("{field} POINT_ENCODING_DEPTH_U16")))
         }
-        Ok(v1::PointEncoding::Unspecified) => Err(Error::field(
-            field,
-            "is missing: say POINT_ENCODING_XYZ_F32_LE or POINT_ENCODING_PLY",
-        )),
+        Ok(v1::PointEncoding::Unspecified) => {
+            Err(Error::field(field, "is missing: say POINT_ENCODING_XYZ_F32_LE or POINT_ENCODING_PLY"))
+        }
         Err(_) => Err(Error::field(field, format!("{value} is no encoding"))),
     }
 }

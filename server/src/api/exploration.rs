@@ -1,0 +1,249 @@
+//! The robot's loop: add a view, ask where to touch, report what came of it.
+
+use std::sync::Arc;
+
+use palpate_core::evidence::{Attempt, Evidence, Outcome};
+use palpate_core::exploration::Request;
+use palpate_proto::v1;
+use palpate_proto::v1::event::Kind;
+use prost::Message;
+use tokio::time::Instant;
+
+use super::{Api, Call, request_key, stored};
+use crate::error::{Error, FieldViolation};
+use crate::limits::Limits;
+use crate::session::Snapshot;
+use crate::sessions::{Change, RequestKey, Step};
+use crate::wire::{event, from_proto, to_proto};
+
+/// Where a caller wrote the parts of a request: the unary calls and the stream differ in that.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FieldNames {
+    pub(super) prior: &'static str,
+    pub(super) propose: &'static str,
+    pub(super) robot: &'static str,
+}
+
+const UNARY: FieldNames = FieldNames { prior: "prior", propose: "propose", robot: "robot" };
+
+impl Api {
+    /// Adds a camera's view of the object.
+    ///
+    /// # Errors
+    /// The view cannot be used, or the session is not as the caller expects.
+    pub(crate) async fn add_visual_prior(
+        &self,
+        request: v1::AddVisualPriorRequest,
+        call: Call,
+    ) -> Result<v1::AddVisualPriorResponse, Error> {
+        let session_id = request.session_id.clone();
+        self.answer("AddVisualPrior", &session_id, &call, async |deadline| {
+            let key = request_key(&request.request_id, &request, &self.limits)?;
+            self.add_prior(request, None, key, &call.actor, UNARY, deadline).await
+        })
+        .await
+    }
+
+    /// Proposes where to touch next; changes nothing.
+    ///
+    /// # Errors
+    /// A field cannot be used, or there is no estimate yet.
+    pub(crate) async fn propose_contacts(
+        &self,
+        request: v1::ProposeContactsRequest,
+        call: Call,
+    ) -> Result<v1::ProposeContactsResponse, Error> {
+        let session_id = request.session_id.clone();
+        self.answer("ProposeContacts", &session_id, &call, async |deadline| {
+            self.propose(request, FieldNames { propose: "top_k", ..UNARY }, deadline).await
+        })
+        .await
+    }
+
+    /// Reports what came of an approach.
+    ///
+    /// # Errors
+    /// The report cannot be used, or the session is not as the caller expects.
+    pub(crate) async fn report_contact(
+        &self,
+        request: v1::ReportContactRequest,
+        call: Call,
+    ) -> Result<v1::ReportContactResponse, Error> {
+        let session_id = request.session_id.clone();
+        self.answer("ReportContact", &session_id, &call, async |deadline| {
+            let key = request_key(&request.request_id, &request, &self.limits)?;
+            self.report(request, key, &call.actor, UNARY, deadline).await
+        })
+        .await
+    }
+
+    pub(super) async fn add_prior(
+        &self,
+        request: v1::AddVisualPriorRequest,
+        robot: Option<&v1::RobotContext>,
+        key: RequestKey,
+        actor: &str,
+        names: FieldNames,
+        deadline: Instant,
+    ) -> Result<v1::AddVisualPriorResponse, Error> {
+        let v1::AddVisualPriorRequest { session_id, prior, expected_revision, request_id: _, propose } =
+            request;
+        let prior = prior.ok_or_else(|| Error::field(names.prior, "is missing"))?;
+        let wanted =
+            from_proto::exploration_request(names.propose, propose, names.robot, robot, &self.limits)?;
+        let event = event::encode(Kind::VisualPrior(prior.clone()));
+        let limits = self.limits.clone();
+        let step = move |before: &Snapshot| absorb_prior(before, &prior, names.prior, &wanted, &limits);
+        let actor = actor.to_owned();
+        let change =
+            Change { session_id, request: key, expected_revision, actor, event, step: Arc::new(step) };
+        stored(&self.sessions.change(change, deadline).await?.bytes)
+    }
+
+    pub(super) async fn propose(
+        &self,
+        request: v1::ProposeContactsRequest,
+        names: FieldNames,
+        deadline: Instant,
+    ) -> Result<v1::ProposeContactsResponse, Error> {
+        // A question changes nothing, so asking it again needs no protection.
+        let v1::ProposeContactsRequest { session_id, top_k, robot, lease, request_id: _ } = request;
+        if lease.is_some() {
+            return Err(Error::unimplemented("lease"));
+        }
+        let top_k = top_k.max(1);
+        let request =
+            from_proto::exploration_request(names.propose, top_k, names.robot, robot.as_ref(), &self.limits)?;
+        let snapshot = self.sessions.snapshot(&session_id, deadline).await?;
+        if snapshot.reconstruction.surface().is_none() {
+            return Err(Error::NoVisualPrior);
+        }
+        self.sessions.pool.run(deadline, move || proposal(&snapshot, &request)).await
+    }
+
+    pub(super) async fn report(
+        &self,
+        request: v1::ReportContactRequest,
+        key: RequestKey,
+        actor: &str,
+        names: FieldNames,
+        deadline: Instant,
+    ) -> Result<v1::ReportContactResponse, Error> {
+        let v1::ReportContactRequest { session_id, result, expected_revision, request_id: _, propose, robot } =
+            request;
+        let result = result.ok_or_else(|| Error::field("result", "is missing"))?;
+        let wanted = from_proto::exploration_request(
+            names.propose,
+            propose,
+            names.robot,
+            robot.as_ref(),
+            &self.limits,
+        )?;
+        let event = event::encode(Kind::ContactResult(result.clone()));
+        let limits = self.limits.clone();
+        let step = move |before: &Snapshot| absorb_result(before, &result, &wanted, &limits);
+        let actor = actor.to_owned();
+        let change =
+            Change { session_id, request: key, expected_revision, actor, event, step: Arc::new(step) };
+        let reply = self.sessions.change(change, deadline).await?;
+        let first: v1::ReportContactResponse = stored(&reply.bytes)?;
+        Ok(v1::ReportContactResponse { duplicate: reply.duplicate, ..first })
+    }
+}
+
+fn absorb_prior(
+    before: &Snapshot,
+    prior: &v1::VisualPrior,
+    path: &str,
+    wanted: &Request,
+    limits: &Limits,
+) -> Result<Step, Error> {
+    let from_proto::Prior { evidence, dropped } = from_proto::visual_prior(path, prior)?;
+    let accepted = evidence.points().len();
+    let total = accepted + before.stats.visual_points as usize;
+    if total > limits.visual_points {
+        return Err(Error::TooLarge {
+            what: format!("a session with {total} visual points"),
+            limit: format!("{} points", limits.visual_points),
+            hint: "thin the cloud with voxel_m, for instance to 0.005",
+        });
+    }
+    let absorbed = before.absorb(&Evidence::VisualPrior(evidence), before.next_event_us());
+    let (after, update) = absorbed.map_err(|error| refused(path, error))?;
+    let reply = v1::AddVisualPriorResponse {
+        session: Some(to_proto::session(&after)),
+        accepted_points: u32::try_from(accepted).unwrap_or(u32::MAX),
+        dropped_points: dropped,
+        candidates: next_candidates(&after, wanted),
+        warnings: update.warnings,
+    };
+    Ok(Step { reply: reply.encode_to_vec(), after })
+}
+
+fn absorb_result(
+    before: &Snapshot,
+    result: &v1::ContactResult,
+    wanted: &Request,
+    limits: &Limits,
+) -> Result<Step, Error> {
+    if before.stats.attempts >= limits.contacts {
+        return Err(Error::TooLarge {
+            what: format!("a session with {} contact results", before.stats.attempts + 1),
+            limit: format!("{} results", limits.contacts),
+            hint: "go on in a new session",
+        });
+    }
+    let attempt = from_proto::attempt(result, &before.definition, before.revision, limits)?;
+    let hint = unused_normal(&attempt);
+    let absorbed = before.absorb(&Evidence::Attempt(attempt), before.next_event_us());
+    let (after, update) = absorbed.map_err(|error| refused("result", error))?;
+    let reply = v1::ReportContactResponse {
+        session: Some(to_proto::session(&after)),
+        seq: after.revision,
+        duplicate: false,
+        contact_uncertainty: update.contact_uncertainty.unwrap_or(0.0),
+        max_vertex_move_m: update.max_vertex_move_m,
+        candidates: next_candidates(&after, wanted),
+        warnings: update.warnings.into_iter().chain(hint).collect(),
+    };
+    Ok(Step { reply: reply.encode_to_vec(), after })
+}
+
+/// Nothing that a caller measured is ignored in silence.
+fn unused_normal(attempt: &Attempt) -> Option<String> {
+    let Outcome::Contact(contact) = &attempt.outcome else { return None };
+    contact.normal().map(|_| "result.contact.normal: recorded, but METHOD_PAPER has no use for it".to_owned())
+}
+
+fn next_candidates(after: &Snapshot, wanted: &Request) -> Vec<v1::Candidate> {
+    if wanted.top_k == 0 {
+        return Vec::new();
+    }
+    to_proto::candidates(after, &after.reconstruction.propose(wanted).candidates)
+}
+
+fn proposal(snapshot: &Snapshot, request: &Request) -> v1::ProposeContactsResponse {
+    let proposal = snapshot.reconstruction.propose(request);
+    let mut should_stop = to_proto::stop_reason(snapshot.should_stop);
+    if proposal.candidates.is_empty() && snapshot.should_stop.is_none() {
+        // The session would go on, but not within what this robot must keep away from.
+        should_stop = v1::StopReason::NoAdmissibleCandidate;
+    }
+    v1::ProposeContactsResponse {
+        revision: snapshot.revision,
+        candidates: to_proto::candidates(snapshot, &proposal.candidates),
+        excluded: Some(to_proto::excluded(&proposal.excluded)),
+        should_stop: should_stop.into(),
+    }
+}
+
+fn refused(path: &str, error: palpate_core::error::Error) -> Error {
+    match error {
+        palpate_core::error::Error::NoVisualPrior => Error::NoVisualPrior,
+        palpate_core::error::Error::Field(violation) => Error::Fields(vec![FieldViolation {
+            field: format!("{path}.{}", violation.field),
+            description: violation.reason,
+            non_finite: violation.non_finite,
+        }]),
+    }
+}

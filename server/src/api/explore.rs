@@ -1,0 +1,269 @@
+//! The robot's whole loop on one stream: messages are answered one by one, in order.
+//!
+//! ```text
+//! (new) --open--> (open) --visual_prior, result, propose, ping--> (open) --end of requests--> (done)
+//! ```
+//!
+//! A message that fails is answered by a problem and the stream goes on. What was accepted is in the
+//! log, so after a broken stream the robot opens another one and is told what it missed.
+
+use palpate_proto::v1;
+use palpate_proto::v1::event::Kind;
+use palpate_proto::v1::explore_request::Message as Asked;
+use palpate_proto::v1::explore_response::Message as Told;
+use tokio::sync::mpsc;
+use tokio::time::Instant;
+use tokio_stream::{Stream, StreamExt};
+use tracing::Instrument;
+
+use super::exploration::FieldNames;
+use super::{Api, Call, Replies, STREAM_BUFFER, request_key, stored};
+use crate::error::{Error, FieldViolation};
+use crate::sessions::down;
+use crate::wire::{from_proto, to_proto};
+
+/// Missed replies read from the log at once.
+const PAGE: i64 = 16;
+
+const NAMES: FieldNames = FieldNames { prior: "visual_prior", propose: "open.top_k", robot: "open.robot" };
+
+/// One stream, once it is open.
+struct Exploration {
+    session_id: String,
+    robot: Option<v1::RobotContext>,
+    top_k: u32,
+    send_mesh: bool,
+    /// The etag of the faces that the caller has.
+    topology: String,
+}
+
+/// Answers go to the caller through here.
+struct Stage {
+    api: Api,
+    actor: String,
+    open: Option<Exploration>,
+    to: mpsc::Sender<Result<v1::ExploreResponse, Error>>,
+}
+
+/// The caller is gone.
+struct Gone;
+
+impl Api {
+    /// Runs the exploration loop over a stream of messages.
+    ///
+    /// # Errors
+    /// Too many streams are open; later failures are problems within the stream, or its last item.
+    pub(crate) async fn explore(
+        &self,
+        messages: impl Stream<Item = Result<v1::ExploreRequest, Error>> + Send + Unpin + 'static,
+        call: Call,
+    ) -> Result<Replies<v1::ExploreResponse>, Error> {
+        self.answer("Explore", "", &call, async |_| {
+            let place = self.stream_place()?;
+            let (to, replies) = mpsc::channel(STREAM_BUFFER);
+            let stage = Stage { api: self.clone(), actor: call.actor.clone(), open: None, to };
+            let run = async move {
+                stage.run(messages).await;
+                drop(place);
+            };
+            tokio::spawn(run.in_current_span());
+            Ok(Replies::new(replies))
+        })
+        .await
+    }
+}
+
+impl Stage {
+    async fn run(mut self, mut messages: impl Stream<Item = Result<v1::ExploreRequest, Error>> + Unpin) {
+        let stopping = self.api.stopping.clone();
+        loop {
+            let next = tokio::select! {
+                next = messages.next() => next,
+                () = stopping.cancelled() => Some(Err(Error::Draining)),
+                () = self.to.closed() => None,
+            };
+            match next {
+                None => return,
+                Some(Err(error)) => {
+                    // The caller's own failure, or ours to go on: either way this is the last word.
+                    let _ = self.to.send(Err(error)).await;
+                    return;
+                }
+                Some(Ok(message)) => {
+                    if self.answer(message).await.is_err() {
+                        return;
+                    }
+                }
+            }
+        }
+    }
+
+    async fn answer(&mut self, request: v1::ExploreRequest) -> Result<(), Gone> {
+        let v1::ExploreRequest { id, request_id, message } = request;
+        let started = Instant::now();
+        let deadline = started + self.api.limits.call_timeout;
+        let outcome = match message {
+            None => Err(Error::field("message", "is missing")),
+            Some(Asked::Ping(ping)) => Ok(vec![Told::Pong(ping)]),
+            Some(Asked::Open(open)) => self.open(open, deadline).await,
+            Some(Asked::VisualPrior(prior)) => self.add_prior(prior, request_id, deadline).await,
+            Some(Asked::Result(result)) => self.report(result, request_id, deadline).await,
+            Some(Asked::Propose(propose)) => self.propose(propose, deadline).await,
+        };
+        let session_id = self.open.as_ref().map_or("", |open| open.session_id.as_str());
+        tracing::info_span!("explore", session_id, id)
+            .in_scope(|| super::log(outcome.as_ref().err(), started));
+        let replies = outcome.unwrap_or_else(|error| vec![Told::Problem(problem(&error))]);
+        for reply in replies {
+            self.tell(id, reply).await?;
+        }
+        Ok(())
+    }
+
+    async fn tell(&self, id: u64, message: Told) -> Result<(), Gone> {
+        let revision = match &message {
+            Told::Opened(session) => session.revision,
+            Told::Accepted(reply) => reply.session.as_ref().map_or(0, |session| session.revision),
+            Told::Prior(reply) => reply.session.as_ref().map_or(0, |session| session.revision),
+            Told::Candidates(reply) => reply.revision,
+            Told::Mesh(mesh) => mesh.revision,
+            Told::Problem(_) | Told::Pong(_) => self.known_revision(),
+        };
+        let reply = v1::ExploreResponse { in_reply_to: id, revision, message: Some(message) };
+        self.to.send(Ok(reply)).await.map_err(|_| Gone)
+    }
+
+    fn known_revision(&self) -> i64 {
+        let open = self.open.as_ref();
+        let snapshot = open.and_then(|open| self.api.sessions.loaded(&open.session_id));
+        snapshot.map_or(0, |snapshot| snapshot.revision)
+    }
+
+    async fn open(&mut self, open: v1::ExploreOpen, deadline: Instant) -> Result<Vec<Told>, Error> {
+        let v1::ExploreOpen { session_id, robot, top_k, send_mesh, resume_after_revision } = open;
+        if self.open.is_some() {
+            return Err(Error::field("open", "came before: a stream explores one session"));
+        }
+        from_proto::exploration_request(NAMES.propose, top_k, NAMES.robot, robot.as_ref(), &self.api.limits)?;
+        let snapshot = self.api.sessions.snapshot(&session_id, deadline).await?;
+        if !(0..=snapshot.revision).contains(&resume_after_revision) {
+            let revision = snapshot.revision;
+            let description =
+                format!("{resume_after_revision} is not between 0 and the session's revision {revision}");
+            return Err(Error::field("open.resume_after_revision", description));
+        }
+        let mut replies = vec![Told::Opened(to_proto::session(&snapshot))];
+        if resume_after_revision > 0 {
+            replies.extend(self.missed(&session_id, resume_after_revision).await?);
+        }
+        self.open = Some(Exploration { session_id, robot, top_k, send_mesh, topology: String::new() });
+        Ok(replies)
+    }
+
+    /// The replies that a broken stream may have swallowed, from the log.
+    async fn missed(&self, session_id: &str, mut after: i64) -> Result<Vec<Told>, Error> {
+        let mut missed = Vec::new();
+        loop {
+            let rows = self.api.sessions.store.events(session_id, after, PAGE).await.map_err(down)?;
+            let Some(last) = rows.last() else { return Ok(missed) };
+            after = last.seq;
+            for row in &rows {
+                let kind = crate::wire::event::kind(row.seq, &row.payload);
+                match kind.map_err(|error| Error::internal(error.to_string()))? {
+                    Kind::VisualPrior(_) => missed.push(Told::Prior(stored(&row.reply)?)),
+                    Kind::ContactResult(_) => missed.push(Told::Accepted(stored(&row.reply)?)),
+                    Kind::Created(_) | Kind::RetractedSeq(_) | Kind::Finished(_) => {}
+                }
+            }
+        }
+    }
+
+    async fn add_prior(
+        &mut self,
+        prior: v1::VisualPrior,
+        request_id: String,
+        deadline: Instant,
+    ) -> Result<Vec<Told>, Error> {
+        let open = self.open.as_ref().ok_or_else(not_open)?;
+        let session_id = open.session_id.clone();
+        let request =
+            v1::AddVisualPriorRequest { session_id, prior: Some(prior), request_id, ..Default::default() };
+        // The key is that of the view alone: a stream opened anew may ask for other candidates.
+        let key = request_key(&request.request_id, &request, &self.api.limits)?;
+        let request = v1::AddVisualPriorRequest { propose: open.top_k, ..request };
+        let robot = open.robot.as_ref();
+        let reply = self.api.add_prior(request, robot, key, &self.actor, NAMES, deadline).await?;
+        let revision = reply.session.as_ref().map_or(0, |session| session.revision);
+        self.with_mesh(Told::Prior(reply), revision, deadline).await
+    }
+
+    async fn report(
+        &mut self,
+        result: v1::ContactResult,
+        request_id: String,
+        deadline: Instant,
+    ) -> Result<Vec<Told>, Error> {
+        let open = self.open.as_ref().ok_or_else(not_open)?;
+        let session_id = open.session_id.clone();
+        let request =
+            v1::ReportContactRequest { session_id, result: Some(result), request_id, ..Default::default() };
+        let key = request_key(&request.request_id, &request, &self.api.limits)?;
+        let request = v1::ReportContactRequest { propose: open.top_k, robot: open.robot.clone(), ..request };
+        let reply = self.api.report(request, key, &self.actor, NAMES, deadline).await?;
+        let revision = reply.seq;
+        self.with_mesh(Told::Accepted(reply), revision, deadline).await
+    }
+
+    async fn propose(
+        &self,
+        mut request: v1::ProposeContactsRequest,
+        deadline: Instant,
+    ) -> Result<Vec<Told>, Error> {
+        let open = self.open.as_ref().ok_or_else(not_open)?;
+        if !request.session_id.is_empty() && request.session_id != open.session_id {
+            let description =
+                format!("{:?} is not the session that this stream explores", request.session_id);
+            return Err(Error::field("propose.session_id", description));
+        }
+        request.session_id.clone_from(&open.session_id);
+        let mut names = FieldNames { propose: "propose.top_k", robot: "propose.robot", ..NAMES };
+        if request.robot.is_none() {
+            request.robot.clone_from(&open.robot);
+            names.robot = NAMES.robot;
+        }
+        Ok(vec![Told::Candidates(self.api.propose(request, names, deadline).await?)])
+    }
+
+    /// The reply, and after it the mesh if the caller asked for meshes.
+    async fn with_mesh(&mut self, reply: Told, revision: i64, deadline: Instant) -> Result<Vec<Told>, Error> {
+        let Some(open) = self.open.as_mut().filter(|open| open.send_mesh) else { return Ok(vec![reply]) };
+        let mesh = self.api.raw_mesh(&open.session_id, revision, open.topology.clone(), deadline).await;
+        match mesh {
+            Ok(mesh) => {
+                if let Some(v1::mesh::Body::Raw(raw)) = &mesh.body {
+                    open.topology.clone_from(&raw.topology_etag);
+                }
+                Ok(vec![reply, Told::Mesh(mesh)])
+            }
+            // What was accepted stays accepted, and the caller must know both.
+            Err(error) => Ok(vec![reply, Told::Problem(problem(&error))]),
+        }
+    }
+}
+
+fn not_open() -> Error {
+    Error::field("message", "the stream is not open: send open with a session_id first")
+}
+
+fn problem(error: &Error) -> v1::Problem {
+    let field = |violation: &FieldViolation| v1::FieldViolation {
+        field: violation.field.clone(),
+        description: violation.description.clone(),
+    };
+    v1::Problem {
+        code: error.grpc_code().into(),
+        message: error.to_string(),
+        fields: error.fields().iter().map(field).collect(),
+        reason: error.reason().to_owned(),
+    }
+}

@@ -1,0 +1,162 @@
+//! The life of sessions: create, get, list, delete.
+
+use std::sync::Arc;
+
+use base64::Engine;
+use base64::engine::general_purpose::URL_SAFE_NO_PAD;
+use palpate_proto::v1;
+use palpate_proto::v1::event::Kind;
+
+use super::{Api, Call, bad_page_token, page_size, request_key, stored};
+use crate::error::Error;
+use crate::session::Snapshot;
+use crate::sessions::{Creation, down};
+use crate::store::{Filter, PageEnd, SessionRow};
+use crate::wire::{event, from_proto, to_proto};
+
+impl Api {
+    /// Creates a session that awaits its visual prior.
+    ///
+    /// # Errors
+    /// A field cannot be used, the id is taken, or the request id came with another body.
+    pub(crate) async fn create_session(
+        &self,
+        request: v1::CreateSessionRequest,
+        call: Call,
+    ) -> Result<v1::Session, Error> {
+        let session_id = request.session_id.clone();
+        self.answer("CreateSession", &session_id, &call, async |_| {
+            if !session_id.is_empty() {
+                from_proto::check_session_id(&session_id)?;
+            }
+            // Refused before anything else is asked, and again for nothing: it is cheap.
+            from_proto::definition(&request, 0, &self.limits)?;
+            let limits = self.limits.clone();
+            let creation = Creation {
+                session_id: session_id.clone(),
+                request: request_key(&request.request_id, &request, &self.limits)?,
+                actor: call.actor.clone(),
+                define: Arc::new(move |session_id, now_us| {
+                    let mut request =
+                        v1::CreateSessionRequest { session_id: session_id.to_owned(), ..request.clone() };
+                    let definition = from_proto::definition(&request, now_us, &limits)?;
+                    // The log keeps the defaults of today, so that those of tomorrow change nothing.
+                    request.config = Some(to_proto::session_config(&definition.config, &definition.sensors));
+                    request.frame_id.clone_from(&definition.frame_id);
+                    let event = event::encode(Kind::Created(request));
+                    Ok((Snapshot::created(Arc::new(definition)), event))
+                }),
+            };
+            stored(&self.sessions.create(creation).await?.bytes)
+        })
+        .await
+    }
+
+    /// One session at its newest revision.
+    ///
+    /// # Errors
+    /// There is no such session.
+    pub(crate) async fn get_session(
+        &self,
+        request: v1::GetSessionRequest,
+        call: Call,
+    ) -> Result<v1::Session, Error> {
+        let v1::GetSessionRequest { session_id } = request;
+        self.answer("GetSession", &session_id, &call, async |_| {
+            if let Some(snapshot) = self.sessions.loaded(&session_id) {
+                return Ok(to_proto::session(&snapshot));
+            }
+            let row = self.sessions.store.session(&session_id).await.map_err(down)?;
+            let row = row.ok_or_else(|| Error::SessionNotFound { session_id: session_id.clone() })?;
+            stored(&row.summary)
+        })
+        .await
+    }
+
+    /// A page of sessions, newest first.
+    ///
+    /// # Errors
+    /// A filter or the page token cannot be used.
+    pub(crate) async fn list_sessions(
+        &self,
+        request: v1::ListSessionsRequest,
+        call: Call,
+    ) -> Result<v1::ListSessionsResponse, Error> {
+        self.answer("ListSessions", "", &call, async |_| {
+            let v1::ListSessionsRequest { page_size: wanted, page_token, experiment, labels, state } =
+                request;
+            from_proto::check_labels(&labels, &self.limits)?;
+            let count = page_size(wanted, &self.limits)? as usize;
+            let after = (!page_token.is_empty()).then(|| decode_token(&page_token)).transpose()?;
+            let filter = Filter {
+                experiment: (!experiment.is_empty()).then_some(experiment),
+                state: state_filter(state)?,
+                labels,
+            };
+            // One more than asked for tells whether there is a next page.
+            let wanted = i64::try_from(count + 1).unwrap_or(i64::MAX);
+            let mut rows = self.sessions.store.list(&filter, after.as_ref(), wanted).await.map_err(down)?;
+            let has_more = rows.len() > count;
+            rows.truncate(count);
+            let next_page_token = rows.last().filter(|_| has_more).map(encode_token).unwrap_or_default();
+            let sessions = rows.iter().map(|row| stored(&row.summary)).collect::<Result<_, _>>()?;
+            Ok(v1::ListSessionsResponse { sessions, next_page_token })
+        })
+        .await
+    }
+
+    /// Removes a session with all its events, for good.
+    ///
+    /// # Errors
+    /// There is no such session, or its etag is another one.
+    pub(crate) async fn delete_session(
+        &self,
+        request: v1::DeleteSessionRequest,
+        call: Call,
+    ) -> Result<v1::DeleteSessionResponse, Error> {
+        let session_id = request.session_id.clone();
+        self.answer("DeleteSession", &session_id, &call, async |deadline| {
+            let key = request_key(&request.request_id, &request, &self.limits)?;
+            let v1::DeleteSessionRequest { session_id, etag, request_id: _ } = request;
+            self.sessions.delete(session_id, etag, key, deadline).await?;
+            Ok(v1::DeleteSessionResponse {})
+        })
+        .await
+    }
+}
+
+fn state_filter(state: i32) -> Result<Option<i32>, Error> {
+    match v1::SessionState::try_from(state) {
+        Ok(v1::SessionState::Unspecified) => Ok(None),
+        Ok(_) => Ok(Some(state)),
+        Err(_) => Err(Error::field("state", format!("{state} is no state"))),
+    }
+}
+
+fn encode_token(last: &SessionRow) -> String {
+    URL_SAFE_NO_PAD.encode(format!("{}/{}", last.created_us, last.session_id))
+}
+
+fn decode_token(token: &str) -> Result<PageEnd, Error> {
+    let decode = || {
+        let text = String::from_utf8(URL_SAFE_NO_PAD.decode(token).ok()?).ok()?;
+        let (created_us, session_id) = text.split_once('/')?;
+        Some(PageEnd { created_us: created_us.parse().ok()?, session_id: session_id.to_owned() })
+    };
+    decode().ok_or_else(bad_page_token)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_page_token_is_read_back_and_a_foreign_one_refused() {
+        let row = SessionRow { session_id: "a-mug".into(), created_us: 17, head: 1, summary: Vec::new() };
+        let end = decode_token(&encode_token(&row)).unwrap();
+        assert_eq!(end, PageEnd { created_us: 17, session_id: "a-mug".into() });
+        for foreign in ["x", "!!!", "MTc"] {
+            assert_eq!(decode_token(foreign), Err(bad_page_token()));
+        }
+    }
+}

@@ -1,0 +1,49 @@
+//! `ReconstructionService`.
+
+use palpate_proto::v1;
+use palpate_proto::v1::reconstruction_service_server::ReconstructionService;
+use tonic::{Request, Response, Status};
+
+use super::{Handlers, Replies, call, later, replies, reply};
+
+#[tonic::async_trait]
+impl ReconstructionService for Handlers {
+    async fn get_mesh(&self, request: Request<v1::GetMeshRequest>) -> Result<Response<v1::Mesh>, Status> {
+        let call = call(&request);
+        reply(self.api.get_mesh(request.into_inner(), call).await)
+    }
+
+    async fn list_events(
+        &self,
+        request: Request<v1::ListEventsRequest>,
+    ) -> Result<Response<v1::ListEventsResponse>, Status> {
+        let call = call(&request);
+        reply(self.api.list_events(request.into_inner(), call).await)
+    }
+
+    type WatchSessionStream = Replies<v1::WatchSessionResponse>;
+
+    async fn watch_session(
+        &self,
+        request: Request<v1::WatchSessionRequest>,
+    ) -> Result<Response<Self::WatchSessionStream>, Status> {
+        let call = call(&request);
+        replies(self.api.watch_session(request.into_inner(), call).await)
+    }
+
+    type ReplaySessionStream = Replies<v1::WatchSessionResponse>;
+
+    async fn replay_session(
+        &self,
+        _request: Request<v1::ReplaySessionRequest>,
+    ) -> Result<Response<Self::ReplaySessionStream>, Status> {
+        Err(later("ReplaySession"))
+    }
+
+    async fn evaluate_session(
+        &self,
+        _request: Request<v1::EvaluateSessionRequest>,
+    ) -> Result<Response<v1::EvaluateSessionResponse>, Status> {
+        Err(later("EvaluateSession"))
+    }
+}

@@ -1,0 +1,135 @@
+//! An error as a gRPC status with the standard details, so that programs need not read the text.
+
+use http::{HeaderValue, Response};
+use tonic::{Code, Status};
+use tonic_types::{ErrorDetails, StatusExt};
+
+use crate::error::Error;
+
+const DOMAIN: &str = "palpate.v1";
+
+/// The status of an error, with its reason, fields and advice on retries.
+pub(super) fn status(error: &Error) -> Status {
+    let mut details = ErrorDetails::new();
+    details.set_error_info(error.reason(), DOMAIN, std::collections::HashMap::<String, String>::new());
+    for field in error.fields() {
+        details.add_bad_request_violation(&field.field, &field.description);
+    }
+    if let Some(after) = error.retry_after() {
+        details.set_retry_info(Some(after));
+    }
+    add_subject(&mut details, error);
+    Status::with_error_details(error.grpc_code(), error.to_string(), details)
+}
+
+/// What the error is about, for the kinds that have a standard message for it.
+fn add_subject(details: &mut ErrorDetails, error: &Error) {
+    let text = error.to_string();
+    match error {
+        Error::SessionNotFound { session_id } | Error::SessionExists { session_id } => {
+            details.set_resource_info("session", session_id, "", text);
+        }
+        Error::SessionQuarantined { session_id } => {
+            details.add_precondition_failure_violation(error.reason(), session_id, text);
+        }
+        Error::NoVisualPrior => {
+            details.add_precondition_failure_violation(error.reason(), "session", text);
+        }
+        Error::RevisionMismatch { expected, actual } => {
+            set_info(details, error, [("expected", expected.to_string()), ("actual", actual.to_string())]);
+        }
+        Error::EtagMismatch { expected, actual } => {
+            set_info(details, error, [("expected", expected.clone()), ("actual", actual.clone())]);
+        }
+        Error::Quota { what, limit, hint: _ } => {
+            set_info(details, error, [("what", (*what).to_owned()), ("limit", limit.to_string())]);
+        }
+        Error::TooLarge { what, limit, hint: _ } => {
+            set_info(details, error, [("what", what.clone()), ("limit", limit.clone())]);
+        }
+        Error::QueueFull { queue, retry_after: _ } => {
+            set_info(details, error, [("queue", (*queue).to_owned())]);
+        }
+        Error::RequestIdReused { request_id } => {
+            set_info(details, error, [("request_id", request_id.clone())]);
+        }
+        Error::Unimplemented { what } => set_info(details, error, [("what", what.clone())]),
+        Error::Fields(_)
+        | Error::Draining
+        | Error::StoreDown { .. }
+        | Error::DeadlineExceeded
+        | Error::Internal { .. } => {}
+    }
+}
+
+fn set_info<const N: usize>(details: &mut ErrorDetails, error: &Error, metadata: [(&str, String); N]) {
+    details.set_error_info(error.reason(), DOMAIN, metadata.map(|(key, value)| (key.to_owned(), value)));
+}
+
+/// A status that arose below the handlers, while a message was read.
+pub(super) fn reading_error(failure: &Status, limit: usize) -> Error {
+    match failure.code() {
+        Code::OutOfRange => too_large(limit),
+        Code::Internal | Code::InvalidArgument => Error::field("message", failure.message()),
+        _ => Error::internal(failure.to_string()),
+    }
+}
+
+fn too_large(limit: usize) -> Error {
+    Error::TooLarge {
+        what: "the message".into(),
+        limit: format!("{} MiB ({limit} bytes)", limit >> 20),
+        hint: "thin the cloud before sending it, or send it in several views",
+    }
+}
+
+/// The transport calls an oversized message OUT_OF_RANGE; here it is RESOURCE_EXHAUSTED, with the limit.
+pub(super) async fn explain_size(
+    response: Response<axum::body::Body>,
+    limit: usize,
+) -> Response<axum::body::Body> {
+    let out_of_range = HeaderValue::from(i32::from(Code::OutOfRange));
+    if response.headers().get("grpc-status") != Some(&out_of_range) {
+        return response;
+    }
+    let (mut parts, body) = response.into_parts();
+    if status(&too_large(limit)).add_header(&mut parts.headers).is_err() {
+        tracing::error!("a status does not fit into headers");
+    }
+    Response::from_parts(parts, body)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+
+    #[test]
+    fn programs_can_read_the_reason_the_fields_and_when_to_retry() {
+        let bad = status(&Error::field("result.contact.sensor_pose", "is missing")).get_error_details();
+        assert_eq!(bad.error_info().map(|info| info.reason.as_str()), Some("FIELD_INVALID"));
+        assert_eq!(bad.error_info().map(|info| info.domain.as_str()), Some(DOMAIN));
+        let fields = &bad.bad_request().unwrap().field_violations;
+        assert_eq!(fields[0].field, "result.contact.sensor_pose");
+
+        let full = Error::QueueFull { queue: "compute", retry_after: Duration::from_millis(240) };
+        let full = status(&full).get_error_details();
+        assert_eq!(full.retry_info().unwrap().retry_delay, Some(Duration::from_millis(240)));
+
+        let stale = status(&Error::RevisionMismatch { expected: 3, actual: 5 });
+        assert_eq!(stale.code(), Code::Aborted);
+        assert_eq!(stale.get_error_details().error_info().unwrap().metadata["actual"], "5");
+    }
+
+    #[tokio::test]
+    async fn an_oversized_message_is_resource_exhausted_and_names_the_limit() {
+        let refused: Response<axum::body::Body> =
+            Status::out_of_range("decoded message too large").into_http();
+        let explained = explain_size(refused, 16 << 20).await;
+        let status = Status::from_header_map(explained.headers()).unwrap();
+        assert_eq!(status.code(), Code::ResourceExhausted);
+        assert!(status.message().contains("16 MiB"));
+        assert_eq!(status.get_error_details().error_info().unwrap().reason, "TOO_LARGE");
+    }
+}

@@ -1,0 +1,70 @@
+//! Creating a session: the id is taken once, also when the server chooses it and the call is retried.
+
+use prost::Message;
+use uuid::Uuid;
+
+use super::{ATTEMPTS, Creation, Reply, RequestKey, Sessions, contended, down, head, new_event};
+use crate::error::Error;
+use crate::session::now_us;
+use crate::store::{NewSession, StoreError};
+use crate::wire::to_proto;
+
+impl Sessions {
+    pub(super) async fn create_now(&self, creation: &Creation) -> Result<Reply, Error> {
+        let Creation { session_id: wanted, request, actor, define } = creation;
+        self.refuse_while_stopping()?;
+        let session_id = if wanted.is_empty() { Uuid::now_v7().to_string() } else { wanted.clone() };
+        for _ in 0..ATTEMPTS {
+            if let Some(first) = self.first_creation(wanted, request).await? {
+                return Ok(first);
+            }
+            self.check_quota().await?;
+            let (snapshot, event) = define(&session_id, now_us())?;
+            let session = NewSession {
+                head: head(&snapshot),
+                experiment: snapshot.definition.experiment.clone(),
+                labels: snapshot.definition.labels.clone(),
+                id_is_ours: wanted.is_empty(),
+            };
+            let reply = to_proto::session(&snapshot).encode_to_vec();
+            match self.store.create(session, new_event(&snapshot, request, event, reply.clone(), actor)).await
+            {
+                Ok(()) => return Ok(Reply { bytes: reply, duplicate: false }),
+                Err(StoreError::Conflict)
+                    if self.store.session(&session_id).await.map_err(down)?.is_some() =>
+                {
+                    // The same request may have won the race against itself.
+                    let first = self.first_creation(wanted, request).await?;
+                    return first.ok_or(Error::SessionExists { session_id });
+                }
+                Err(StoreError::Conflict) => {}
+                Err(failure) => return Err(down(failure)),
+            }
+        }
+        Err(contended())
+    }
+
+    async fn first_creation(&self, wanted: &str, request: &RequestKey) -> Result<Option<Reply>, Error> {
+        if request.id.is_empty() {
+            return Ok(None);
+        }
+        if !wanted.is_empty() {
+            return self.first_reply(wanted, request).await;
+        }
+        let Some(session_id) = self.store.created_by(&request.id).await.map_err(down)? else {
+            return Ok(None);
+        };
+        // It may have been deleted since: a late retry must not bring it back.
+        let first = self.first_reply(&session_id, request).await?;
+        first.map_or(Err(Error::SessionNotFound { session_id }), |reply| Ok(Some(reply)))
+    }
+
+    async fn check_quota(&self) -> Result<(), Error> {
+        let count = self.store.session_count().await.map_err(down)?;
+        if u64::try_from(count).unwrap_or(0) < self.limits.sessions {
+            return Ok(());
+        }
+        let hint = "delete sessions that are no longer needed";
+        Err(Error::Quota { what: "sessions", limit: self.limits.sessions, hint })
+    }
+}
