@@ -54,8 +54,11 @@ impl Report<'_> {
         // Writing to a string cannot fail.
         let _ = writeln!(text, "{}\n```\n", self.command);
         let _ = writeln!(text, "palpate {}, algorithm {}.", self.version, self.algorithm_version);
-        let _ =
-            writeln!(text, "{} attempts a run, failures included; seeds 1 to {}.\n", self.attempts, self.seeds);
+        let _ = writeln!(
+            text,
+            "{} attempts a run, failures included; seeds 1 to {}.\n",
+            self.attempts, self.seeds
+        );
         text.push_str(NOTES);
         if self.objects.iter().any(|(object, _)| paper::column(object).is_some()) {
             text.push_str(PUBLISHED_NOTES);
