@@ -9,7 +9,7 @@ use crate::reconstruction::{Estimate, Reconstruction};
 pub struct Stats {
     /// Points seen.
     pub visual_points: u32,
-    /// Touches by the pad, early ones included.
+    /// Touches by the pad near their candidate, or without one; `attempts` are these and the `failures`.
     pub contacts: u32,
     /// Approaches that touched nothing.
     pub no_contacts: u32,
@@ -58,7 +58,7 @@ impl Reconstruction {
         let uncertainty = estimate.map_or(&[1.0][..], |estimate| &estimate.surface.uncertainty);
         Stats {
             visual_points: tallies.visual_points,
-            contacts: tallies.contacts + tallies.early_contacts,
+            contacts: tallies.contacts,
             no_contacts: tallies.no_contacts,
             rejected: tallies.rejected,
             early_contacts: tallies.early_contacts,

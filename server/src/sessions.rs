@@ -205,9 +205,16 @@ impl Sessions {
                 return Ok(first);
             }
             let before = snapshots.borrow().clone();
-            check_open(&before, *expected_revision)?;
-            let step = step.clone();
-            let Step { after, reply } = self.pool.run(deadline, move || step(&before)).await??;
+            let computed = self.compute(&before, *expected_revision, step, deadline).await;
+            let Step { after, reply } = match computed {
+                Ok(step) => step,
+                // A refusal must rest on the newest state, and another process may have written since.
+                Err(_) if self.is_behind(&before).await? => {
+                    self.catch_up(session_id, &live, deadline).await?;
+                    continue;
+                }
+                Err(refusal) => return Err(refusal),
+            };
             let new = new_event(&after, request, event.clone(), reply.clone(), actor);
             match self.store.append(head(&after), new).await {
                 Ok(()) => {
@@ -219,6 +226,18 @@ impl Sessions {
             }
         }
         Err(contended())
+    }
+
+    async fn compute(
+        &self,
+        before: &Arc<Snapshot>,
+        expected_revision: Option<i64>,
+        step: &TakeStep,
+        deadline: Instant,
+    ) -> Result<Step, Error> {
+        check_open(before, expected_revision)?;
+        let (before, step) = (before.clone(), step.clone());
+        self.pool.run(deadline, move || step(&before)).await?
     }
 
     /// The reply to an earlier request with the same id, which must have had the same body.

@@ -48,6 +48,13 @@ impl Sessions {
         }
     }
 
+    /// Whether the log has moved on since this snapshot.
+    pub(super) async fn is_behind(&self, snapshot: &Snapshot) -> Result<bool, Error> {
+        let definition = &snapshot.definition;
+        let row = self.store.session(&definition.session_id).await.map_err(down)?;
+        Ok(row.is_none_or(|row| (row.created_us, row.head) != (definition.created_us, snapshot.revision)))
+    }
+
     /// Brings a session in memory up to what another process has written.
     pub(super) async fn catch_up(
         &self,

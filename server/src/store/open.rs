@@ -15,6 +15,10 @@ const READERS: u32 = 4;
 /// Another process may hold the file for the time of one of its commits.
 const BUSY_TIMEOUT: Duration = Duration::from_secs(5);
 
+/// How often, and after which waits, the file is opened before the failure is told.
+const ATTEMPTS: u32 = 5;
+const RETRY_AFTER: Duration = Duration::from_millis(50);
+
 /// Why the log cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
@@ -51,7 +55,20 @@ pub enum OpenError {
 }
 
 /// The one connection that writes, with migrations run and guarantees checked.
+///
+/// Nothing keeps two programs from making the tables of a new file at once: the one that comes second fails on what
+/// the first is doing, and finds it done when it tries again.
 pub(super) async fn writer(database: &Path) -> Result<SqliteConnection, OpenError> {
+    for _ in 1..ATTEMPTS {
+        if let Ok(connection) = try_writer(database).await {
+            return Ok(connection);
+        }
+        tokio::time::sleep(RETRY_AFTER).await;
+    }
+    try_writer(database).await
+}
+
+async fn try_writer(database: &Path) -> Result<SqliteConnection, OpenError> {
     let options = options(database)
         .create_if_missing(true)
         .journal_mode(SqliteJournalMode::Wal)
@@ -117,6 +134,16 @@ mod tests {
         assert!(!is_new_enough("3.51.2"));
         assert!(!is_new_enough("3.9.99"));
         assert!(!is_new_enough("unknown"));
+    }
+
+    #[tokio::test]
+    async fn several_programs_may_make_the_tables_at_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let database = folder.path().join("palpate.db");
+        let (a, b, c) = tokio::join!(writer(&database), writer(&database), writer(&database));
+        for opened in [a, b, c] {
+            opened.unwrap();
+        }
     }
 
     #[tokio::test]
