@@ -1,0 +1,29 @@
+//! What every test needs: a server to call, callers of both transports, and something to say.
+
+mod caller;
+mod http;
+mod process;
+mod proxy;
+mod refusal;
+mod samples;
+mod server;
+
+use std::time::Duration;
+
+pub(crate) use caller::{Caller, Transport, reply};
+pub(crate) use http::{EventStream, Http, accepted, from_json, header, send, to_json};
+pub(crate) use process::Process;
+pub(crate) use proxy::Proxy;
+pub(crate) use refusal::{Outcome, Refused};
+pub(crate) use samples::{
+    cap, cloud, creation, miss, prior, question, report, result, touch, without_timing,
+};
+pub(crate) use server::{Server, patient_client};
+
+/// Nothing takes this long unless it is broken, whatever else the machine does.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// Waits for what must come.
+pub(crate) async fn soon<T>(what: &str, future: impl Future<Output = T>) -> T {
+    tokio::time::timeout(PATIENCE, future).await.unwrap_or_else(|_| panic!("{what}: not within {PATIENCE:?}"))
+}

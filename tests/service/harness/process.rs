@@ -1,0 +1,61 @@
+//! A server as a process of its own, which can be killed.
+
+use std::net::SocketAddr;
+use std::path::Path;
+use std::process::{ExitStatus, Stdio};
+
+use serde_json::Value;
+use tokio::io::{AsyncBufReadExt, BufReader};
+use tokio::process::{Child, Command};
+
+use super::server::channel_to;
+use super::{Caller, Http, Transport, soon};
+
+/// A running `palpate serve`; killed when it is dropped.
+#[derive(Debug)]
+pub(crate) struct Process {
+    child: Child,
+    pub(crate) address: SocketAddr,
+}
+
+impl Process {
+    /// Starts the program on a free port and waits until its log says which.
+    pub(crate) async fn serve(database: &Path) -> Self {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_palpate-under-test"))
+            .args(["--log-format", "json", "--log", "info", "serve", "--listen", "127.0.0.1:0", "--database"])
+            .arg(database)
+            .stderr(Stdio::piped())
+            .kill_on_drop(true)
+            .spawn()
+            .unwrap();
+        let mut log = BufReader::new(child.stderr.take().unwrap()).lines();
+        let listening = soon("the server's log", log.next_line()).await.unwrap().unwrap();
+        let listening: Value = serde_json::from_str(&listening).unwrap();
+        let api = listening["api"].as_str().unwrap();
+        let address = api.strip_prefix("http://").unwrap().parse().unwrap();
+        // A log that nobody reads would fill its pipe and stop the server.
+        tokio::spawn(async move { while let Ok(Some(_)) = log.next_line().await {} });
+        Self { child, address }
+    }
+
+    pub(crate) fn url(&self) -> String {
+        format!("http://{}", self.address)
+    }
+
+    pub(crate) fn caller(&self, transport: Transport) -> Caller {
+        Caller::new(transport, channel_to(self.address), Http::new(self.url()))
+    }
+
+    /// Kills it as `kill -9` does: it has no chance to save anything.
+    pub(crate) async fn kill(mut self) {
+        soon("the process dies", self.child.kill()).await.unwrap();
+    }
+
+    /// Asks it to stop, as a service manager does, and gives what it ended with.
+    pub(crate) async fn terminate(mut self) -> ExitStatus {
+        let id = self.child.id().unwrap().to_string();
+        let sent = Command::new("sh").args(["-c", "kill -TERM \"$1\"", "sh", &id]).status().await.unwrap();
+        assert!(sent.success());
+        soon("the process ends", self.child.wait()).await.unwrap()
+    }
+}

@@ -1,0 +1,100 @@
+//! A server inside this process: a free port, a database of its own, and limits to choose.
+
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use palpate::{Limits, ServeError, ServeOptions, serve};
+use palpate_client::{Client, RetryPolicy};
+use tempfile::TempDir;
+use tokio::net::TcpListener;
+use tokio::task::JoinHandle;
+use tokio_util::sync::CancellationToken;
+use tonic::transport::Channel;
+
+use super::{Caller, Http, Transport, soon};
+
+/// A running server; stopped when it is dropped, gracefully by [`Server::stop`].
+pub(crate) struct Server {
+    pub(crate) address: SocketAddr,
+    folder: TempDir,
+    shutdown: CancellationToken,
+    serving: JoinHandle<Result<(), ServeError>>,
+}
+
+impl Server {
+    pub(crate) async fn start() -> Self {
+        Self::with_limits(Limits::default()).await
+    }
+
+    pub(crate) async fn with_limits(limits: Limits) -> Self {
+        Self::with_options(ServeOptions { limits, ..ServeOptions::default() }).await
+    }
+
+    /// Whatever database the options name, it is a temporary one.
+    pub(crate) async fn with_options(options: ServeOptions) -> Self {
+        Self::over(tempfile::tempdir().unwrap(), options).await
+    }
+
+    async fn over(folder: TempDir, options: ServeOptions) -> Self {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let address = listener.local_addr().unwrap();
+        let shutdown = CancellationToken::new();
+        let options = ServeOptions { database: folder.path().join("palpate.db"), ..options };
+        let serving = tokio::spawn(serve(listener, options, shutdown.clone()));
+        Self { address, folder, shutdown, serving }
+    }
+
+    /// Stops gracefully, and waits until the server has ended by itself.
+    pub(crate) async fn stop(self) -> TempDir {
+        self.shutdown.cancel();
+        soon("the server ends", self.serving).await.unwrap().unwrap();
+        self.folder
+    }
+
+    /// Stops the server and starts another one over the same database.
+    pub(crate) async fn restart(self) -> Self {
+        Self::over(self.stop().await, ServeOptions::default()).await
+    }
+
+    pub(crate) fn url(&self) -> String {
+        format!("http://{}", self.address)
+    }
+
+    pub(crate) fn http(&self) -> Http {
+        Http::new(self.url())
+    }
+
+    /// A connection for the generated gRPC clients.
+    pub(crate) fn channel(&self) -> Channel {
+        channel_to(self.address)
+    }
+
+    /// A caller of this transport.
+    pub(crate) fn caller(&self, transport: Transport) -> Caller {
+        Caller::new(transport, self.channel(), self.http())
+    }
+
+    pub(crate) fn grpc(&self) -> Caller {
+        self.caller(Transport::Grpc)
+    }
+
+    /// The client that robots use.
+    pub(crate) async fn client(&self) -> Client {
+        patient_client(&self.url()).await
+    }
+}
+
+/// A connection that is made at the first call.
+pub(super) fn channel_to(address: SocketAddr) -> Channel {
+    Channel::from_shared(format!("http://{address}")).unwrap().connect_lazy()
+}
+
+/// A client that tries again until the tests' patience is over, and waits as long as a server asks.
+pub(crate) async fn patient_client(url: &str) -> Client {
+    let retry = RetryPolicy {
+        max_attempts: 1000,
+        first_wait: Duration::from_millis(2),
+        longest_wait: Duration::from_secs(2),
+    };
+    Client::builder(url).retry(retry).deadline(Duration::from_secs(20)).connect().await.unwrap()
+}

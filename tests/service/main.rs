@@ -1,0 +1,26 @@
+//! The running service from outside: real sockets, a real database, a real process to kill.
+//!
+//! Each file is a promise of the service; [`harness`] starts servers and calls them.
+//! Nothing rests on timing: the only bound on a wait is one after which something is surely broken.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed, and says where")]
+
+mod agreement;
+mod bad_input;
+mod browsers;
+mod concurrency;
+mod crash;
+mod deletion;
+mod explore;
+mod harness;
+mod http_only;
+mod lifecycle;
+mod limits;
+mod meshes;
+mod not_yet;
+mod operations;
+mod outcomes;
+mod proposals;
+mod retries;
+mod sse;
+mod watch;
