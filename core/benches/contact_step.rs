@@ -5,14 +5,14 @@ use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use palpate_core::attractor::{Attractor, Sense};
-use palpate_core::config::{Config, Settings};
+use palpate_core::config::{Config, Method, Settings};
 use palpate_core::deformation::{self, ThinPlate};
 use palpate_core::evidence::{Attempt, Contact, ContactDetail, Evidence, Outcome, VisualPrior, Wrench};
 use palpate_core::exploration::Request;
 use palpate_core::geometry::{Icosphere, Point, Pose, SurfaceIndex, Vector};
 use palpate_core::reconstruction::Reconstruction;
-use palpate_core::template;
-use palpate_core::uncertainty;
+use palpate_core::template::ellipsoid;
+use palpate_core::uncertainty::{self, Reach};
 
 const SIZES: [(usize, u32); 4] = [(250, 4), (500, 4), (1000, 4), (250, 5)];
 const SEEN: usize = 200;
@@ -41,35 +41,36 @@ fn contact(attractor: &Attractor) -> Evidence {
 }
 
 /// A session with all of the attractors but the last, which is returned as evidence.
-fn session(attractors: &[Attractor], subdivisions: u32) -> (Reconstruction, Evidence) {
-    let settings = Settings { icosphere_subdivisions: subdivisions, ..Settings::default() };
+fn session(method: Method, attractors: &[Attractor], subdivisions: u32) -> (Reconstruction, Evidence) {
+    let settings = Settings { method, icosphere_subdivisions: subdivisions, ..Settings::default() };
     let mut state = Reconstruction::new(Config::new(settings).expect("valid settings"));
     let (last, rest) = attractors.split_last().expect("attractors");
     let of = |sense| rest.iter().filter(move |a| a.sense == sense);
     let seen = of(Sense::Vision).map(|a| a.point).collect();
     let prior = VisualPrior::new(seen, None, Some(Point::new(0.6, 0.1, 0.2))).expect("a sound prior");
     state = state.absorb(&Evidence::VisualPrior(prior)).expect("absorbed").0;
-    // Touches that come as a cloud cost one fit instead of hundreds; the system is the same.
-    let touched: Vec<Point> = of(Sense::Touch).map(|a| a.point).collect();
-    if touched.len() >= 4 {
-        let prior = VisualPrior::new(touched, Some(0.1), None).expect("a sound prior");
-        state = state.absorb(&Evidence::VisualPrior(prior)).expect("absorbed").0;
+    for touch in of(Sense::Touch) {
+        state = state.absorb(&contact(touch)).expect("absorbed").0;
     }
     (state, contact(last))
 }
 
+/// From a reported contact to the next candidate, for both methods. Neither thins touches; of
+/// visual points METHOD_PALPATE keeps a hundred, so its 250 attractors are 150.
 fn whole_step(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("contact_step");
     group.sample_size(20);
-    for (count, subdivisions) in SIZES {
-        let (state, evidence) = session(&attractors(count), subdivisions);
-        let vertices = Icosphere::get(subdivisions as usize).directions.len();
-        group.bench_function(BenchmarkId::from_parameter(format!("{count}x{vertices}")), |bencher| {
-            bencher.iter(|| {
-                let (next, _) = state.absorb(black_box(&evidence)).expect("absorbed");
-                next.propose(&Request { top_k: 1, keep_out: Vec::new() })
+    for (name, method) in [("paper", Method::Paper), ("palpate", Method::Palpate)] {
+        for (count, subdivisions) in SIZES {
+            let (state, evidence) = session(method, &attractors(count), subdivisions);
+            let vertices = Icosphere::get(subdivisions as usize).directions.len();
+            group.bench_function(BenchmarkId::new(name, format!("{count}x{vertices}")), |bencher| {
+                bencher.iter(|| {
+                    let (next, _) = state.absorb(black_box(&evidence)).expect("absorbed");
+                    next.propose(&Request { top_k: 1, keep_out: Vec::new() })
+                });
             });
-        });
+        }
     }
 }
 
@@ -81,21 +82,21 @@ fn stages(criterion: &mut Criterion) {
         let sphere = Icosphere::get(subdivisions as usize);
         let size = format!("{count}x{}", sphere.directions.len());
         let viewpoint = Some(Point::new(0.6, 0.1, 0.2));
-        let start = template::initial(&attractors, viewpoint.as_ref());
-        let cold = template::fit(&attractors, viewpoint.as_ref(), &start, false);
+        let start = ellipsoid::initial(&attractors, viewpoint.as_ref());
+        let cold = ellipsoid::fit(&attractors, viewpoint.as_ref(), &start, false);
         let global = cold.shape.mesh(sphere);
         let normals = global.vertex_normals();
         let index = SurfaceIndex::new(&global).expect("a mesh");
         let projections = deformation::project(&global, &index, &attractors);
         let (plate, _) = ThinPlate::fit(&projections);
         let mesh = plate.displace(&global, &normals);
-        let (state, evidence) = session(&attractors, subdivisions);
+        let (state, evidence) = session(Method::Paper, &attractors, subdivisions);
         let (state, _) = state.absorb(&evidence).expect("absorbed");
         let mut bench = |name: &str, run: &mut dyn FnMut()| {
             group.bench_function(BenchmarkId::new(name, &size), |bencher| bencher.iter(&mut *run));
         };
         bench("template_warm", &mut || {
-            black_box(template::fit(&attractors, viewpoint.as_ref(), &cold.shape, true));
+            black_box(ellipsoid::fit(&attractors, viewpoint.as_ref(), &cold.shape, true));
         });
         bench("index", &mut || {
             black_box(SurfaceIndex::new(&global));
@@ -110,7 +111,12 @@ fn stages(criterion: &mut Criterion) {
             black_box(plate.displace(&global, &normals));
         });
         bench("uncertainty", &mut || {
-            black_box(uncertainty::propagate(sphere, &mesh.vertices, &attractors, 5, 0.02));
+            black_box(uncertainty::propagate(
+                sphere,
+                &mesh.vertices,
+                &attractors,
+                Reach { hops: 5, length_m: 0.02 },
+            ));
         });
         bench("propose", &mut || {
             black_box(state.propose(&Request { top_k: 1, keep_out: Vec::new() }));

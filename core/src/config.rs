@@ -9,8 +9,20 @@ use crate::geometry::MAX_SUBDIVISIONS;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Method {
     /// The paper's stages, faithful and comparable.
-    #[default]
     Paper,
+    /// Ahead of the paper: templates of several families and parts, what was found free, and a
+    /// Gaussian process with symmetry where there is any.
+    #[default]
+    Palpate,
+}
+
+/// A symmetry of the object that the caller vouches for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Symmetry {
+    /// A body of revolution, about an axis that the method finds.
+    Revolution,
+    /// The same on both sides of a plane that the method finds.
+    Mirror,
 }
 
 /// How the next contact is chosen.
@@ -57,10 +69,12 @@ pub struct Settings {
     pub visual_uncertainty: f64,
     /// Uncertainty of a contact at the rim of the pad, `u_max` of Eq. (1).
     pub tactile_u_max: f64,
-    /// How far an attractor's uncertainty spreads, in edges of the mesh with 2562 vertices.
-    pub propagation_hops: u32,
-    /// Length over which confidence halves, in metres.
-    pub propagation_length_m: f64,
+    /// How far an attractor's uncertainty spreads, in edges of the mesh with 2562 vertices; `None`
+    /// for the method's own: 5 in the paper, 8 otherwise.
+    pub propagation_hops: Option<u32>,
+    /// Length over which confidence halves, in metres; `None` for the method's own: 0.020 for
+    /// the paper's, otherwise from the size of the object and the budget of touches.
+    pub propagation_length_m: Option<f64>,
     /// The probe travels from this far outside the estimate to this far inside, in metres: `d`.
     pub probe_half_travel_m: f64,
     /// A touch further than this from its candidate counts as a failure, in metres (Section IV-B).
@@ -71,12 +85,14 @@ pub struct Settings {
     pub seed: u64,
     /// When to stop.
     pub stop: StopRule,
+    /// A symmetry that the caller vouches for; the paper's method has no use for one.
+    pub symmetry: Option<Symmetry>,
 }
 
 impl Default for Settings {
     fn default() -> Self {
         Self {
-            method: Method::Paper,
+            method: Method::default(),
             strategy: Strategy::Proactive,
             alpha_geodesic: 1.0,
             alpha_uncertainty: 1.0,
@@ -84,13 +100,14 @@ impl Default for Settings {
             candidate_min: 0.5,
             visual_uncertainty: 0.4,
             tactile_u_max: 0.2,
-            propagation_hops: 5,
-            propagation_length_m: 0.020,
+            propagation_hops: None,
+            propagation_length_m: None,
             probe_half_travel_m: 0.015,
             failure_distance_m: 0.015,
             icosphere_subdivisions: 4,
             seed: 0,
             stop: StopRule::default(),
+            symmetry: None,
         }
     }
 }
@@ -115,7 +132,7 @@ impl Config {
             ("candidate_min", settings.candidate_min, &unit),
             ("visual_uncertainty", settings.visual_uncertainty, &unit),
             ("tactile_u_max", settings.tactile_u_max, &unit),
-            ("propagation_length_m", settings.propagation_length_m, &length),
+            ("propagation_length_m", settings.propagation_length_m.unwrap_or(0.02), &length),
             ("probe_half_travel_m", settings.probe_half_travel_m, &length),
             ("failure_distance_m", settings.failure_distance_m, &length),
             ("stop.mean_uncertainty_below", settings.stop.mean_uncertainty_below.unwrap_or(0.0), &unit),
@@ -126,13 +143,17 @@ impl Config {
                 return Err(FieldError { field, reason, non_finite: !value.is_finite() });
             }
         }
-        if !(1..=50).contains(&settings.propagation_hops) {
+        if !(1..=50).contains(&settings.propagation_hops.unwrap_or(1)) {
             return Err(FieldError::invalid("propagation_hops", "must be between 1 and 50 edges"));
         }
         let subdivisions = settings.icosphere_subdivisions;
         if !(2..MAX_SUBDIVISIONS as u32).contains(&subdivisions) {
             let reason = format!("{subdivisions} is not between 2 (162 vertices) and 5 (10,242 vertices)");
             return Err(FieldError::invalid("icosphere_subdivisions", reason));
+        }
+        if settings.method == Method::Paper && settings.symmetry.is_some() {
+            let reason = "METHOD_PAPER has no use for it: leave it unspecified";
+            return Err(FieldError::invalid("symmetry", reason));
         }
         Ok(Self(settings))
     }
@@ -163,7 +184,7 @@ mod tests {
 
     #[test]
     fn nan_is_refused() {
-        let settings = Settings { propagation_length_m: f64::NAN, ..Settings::default() };
+        let settings = Settings { propagation_length_m: Some(f64::NAN), ..Settings::default() };
         let error = Config::new(settings).unwrap_err();
         assert_eq!((error.field, error.non_finite), ("propagation_length_m", true));
     }

@@ -9,6 +9,7 @@ mod proactive;
 use crate::config::{Config, Strategy};
 use crate::geometry::{Direction, Icosphere, Point, TriangleMesh};
 use crate::ledger::Ledger;
+use crate::uncertainty::Reach;
 
 /// Candidates of one proposal lie at least this far apart, in metres: a second one within it
 /// would be no alternative.
@@ -137,6 +138,10 @@ pub struct View<'a> {
     pub normals: &'a [Direction],
     /// Its vertex uncertainties, in [0, 1].
     pub uncertainty: &'a [f64],
+    /// Its standard deviations, in metres, where the method knows them.
+    pub std_m: Option<&'a [f64]>,
+    /// How far the confidence of an attractor spreads.
+    pub reach: Reach,
     /// The centre of the template, in metres.
     pub centre: Point,
 }
@@ -214,6 +219,7 @@ fn candidate(view: &View<'_>, ranked: &Ranked, ranking: &Ranking) -> Candidate {
     let vertex = ranked.vertex as usize;
     let (probe_start, probe_end) = view.probe_way(vertex);
     let measure = || proactive::Frontier::new(view).mean_geodesic_m(ranked.vertex);
+    let std_m = view.std_m.map(|std_m| std_m[vertex]);
     Candidate {
         vertex: ranked.vertex,
         point: view.mesh.vertices[vertex],
@@ -223,10 +229,15 @@ fn candidate(view: &View<'_>, ranked: &Ranked, ranking: &Ranking) -> Candidate {
         score: ranked.score(),
         terms: ranked.terms.clone(),
         uncertainty: view.uncertainty[vertex],
-        std_m: None,
+        std_m,
         mean_geodesic_m: ranked.mean_geodesic_m.or_else(measure).unwrap_or(0.0),
-        failure_risk: None,
+        failure_risk: std_m.map(|std_m| beyond(view.config.failure_distance_m, std_m)),
         relaxed: ranking.relaxed,
         why: (ranking.why)(ranked),
     }
+}
+
+/// The probability that a normal variable of deviation `std_m` lies further than `distance_m` out.
+fn beyond(distance_m: f64, std_m: f64) -> f64 {
+    libm::erfc(distance_m / (std_m * std::f64::consts::SQRT_2))
 }

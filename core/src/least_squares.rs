@@ -28,6 +28,20 @@ impl<const N: usize> NormalEquations<N> {
         self.gradient.axpy(residual, row, 1.0);
         self.hessian.ger(1.0, row, row, 1.0);
     }
+
+    /// Adds one residual with Huber's loss: squared up to `threshold`, linear beyond it.
+    pub(crate) fn add_huber(&mut self, residual: f64, row: &SVector<f64, N>, weight: f64, threshold: f64) {
+        let size = residual.abs();
+        if size <= threshold {
+            self.add(weight * residual, &(row * weight));
+            return;
+        }
+        let square = weight * weight;
+        let slope = square * threshold / size;
+        self.cost += square * threshold * (size - 0.5 * threshold);
+        self.gradient.axpy(slope * residual, row, 1.0);
+        self.hessian.ger(slope, row, row, 1.0);
+    }
 }
 
 /// How a minimisation went.

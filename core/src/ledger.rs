@@ -1,9 +1,10 @@
 //! The ledger: evidence sorted into what pulls the surface, what failed, and how often.
 
 use crate::attractor::{Attractor, Sense, contact_uncertainty, wrench_warnings};
-use crate::config::Config;
+use crate::config::{Config, Method};
 use crate::error::Error;
 use crate::evidence::{Attempt, Contact, Evidence, Outcome, VisualPrior};
+use crate::free_space::FreeSpace;
 use crate::geometry::Point;
 
 /// An attempt that did not end in a touch where the estimate expected one.
@@ -52,6 +53,8 @@ pub struct Ledger {
     pub viewpoint: Option<Point>,
     /// Failed attempts, in the order of their arrival.
     pub failures: Vec<Failure>,
+    /// What the ways of the probe say about where the object is not.
+    pub free_space: FreeSpace,
     /// How often what happened.
     pub tallies: Tallies,
 }
@@ -100,7 +103,9 @@ impl Ledger {
             Outcome::Contact(contact) => self.enter_contact(contact, attempt, config),
             Outcome::NoContact(sweep) => {
                 self.tallies.no_contacts += 1;
-                self.enter_failure(attempt, Some(sweep.middle()))
+                self.free_space.add_miss(sweep);
+                let failure = self.enter_failure(attempt, Some(sweep.middle()));
+                Entry { changes_estimate: learns_from_failures(config), ..failure }
             }
             Outcome::Rejected => {
                 self.tallies.rejected += 1;
@@ -118,22 +123,26 @@ impl Ledger {
             contact.uncertainty().unwrap_or_else(|| contact_uncertainty(contact, config.tactile_u_max));
         let mut warnings = wrench_warnings(contact);
         let off_m = attempt.target.map_or(0.0, |target| (contact.point() - target.point()).norm());
-        if off_m > config.failure_distance_m {
+        self.free_space.add_approach(contact, attempt.target.as_ref(), config.probe_half_travel_m);
+        let is_early = off_m > config.failure_distance_m;
+        if !is_early || learns_from_failures(config) {
+            self.attractors.push(Attractor { point: contact.point(), uncertainty, sense: Sense::Touch });
+        }
+        if is_early {
             self.tallies.early_contacts += 1;
             warnings.push(format!(
                 "touched {:.1} mm from the candidate: counts as a failure, as more than failure_distance_m",
                 1e3 * off_m
             ));
-            // In the paper a failed attempt leaves the estimate as it is (Section IV-B).
+            self.enter_failure(attempt, None);
             return Entry {
-                warnings,
+                changes_estimate: learns_from_failures(config),
                 contact_uncertainty: Some(uncertainty),
-                ..self.enter_failure(attempt, None)
+                warnings,
             };
         }
         self.tallies.contacts += 1;
         self.tallies.consecutive_failures = 0;
-        self.attractors.push(Attractor { point: contact.point(), uncertainty, sense: Sense::Touch });
         Entry { changes_estimate: true, contact_uncertainty: Some(uncertainty), warnings }
     }
 
@@ -146,9 +155,16 @@ impl Ledger {
     }
 }
 
+/// In the paper a failed attempt leaves the estimate as it is (Section IV-B). It is evidence all
+/// the same: the way of a miss is free, and an early contact is the best measurement of all.
+fn learns_from_failures(config: &Config) -> bool {
+    config.method == Method::Palpate
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::Settings;
     use crate::evidence::{ContactDetail, Sweep, Target, Wrench};
     use crate::geometry::{Pose, Vector};
 
@@ -161,8 +177,12 @@ mod tests {
         ];
         let mut ledger = Ledger::default();
         let prior = VisualPrior::new(points, None, None).unwrap();
-        ledger.enter(&Evidence::VisualPrior(prior), &Config::default()).unwrap();
+        ledger.enter(&Evidence::VisualPrior(prior), &paper()).unwrap();
         ledger
+    }
+
+    fn paper() -> Config {
+        Config::new(Settings { method: Method::Paper, ..Settings::default() }).unwrap()
     }
 
     fn touch(at: Point, aimed_at: Option<Point>) -> Evidence {
@@ -175,7 +195,7 @@ mod tests {
     #[test]
     fn an_attempt_before_any_prior_is_refused_and_changes_nothing() {
         let mut ledger = Ledger::default();
-        let result = ledger.enter(&touch(Point::origin(), None), &Config::default());
+        let result = ledger.enter(&touch(Point::origin(), None), &paper());
         assert_eq!(result, Err(Error::NoVisualPrior));
         assert_eq!(ledger.tallies, Tallies::default());
     }
@@ -184,7 +204,7 @@ mod tests {
     fn a_touch_far_from_its_candidate_is_a_failure_and_no_attractor() {
         let mut ledger = seen();
         let evidence = touch(Point::new(0.0, 0.0, 0.02), Some(Point::origin()));
-        let entry = ledger.enter(&evidence, &Config::default()).unwrap();
+        let entry = ledger.enter(&evidence, &paper()).unwrap();
         assert!(!entry.changes_estimate && entry.warnings.iter().any(|w| w.contains("20.0 mm")));
         assert_eq!(
             (ledger.tallies.early_contacts, ledger.tallies.failures(), ledger.attractors.len()),
@@ -198,10 +218,10 @@ mod tests {
         let mut ledger = seen();
         let sweep = Sweep::new(Point::new(0.0, 0.0, 0.1), Point::new(0.0, 0.0, 0.2), 0.0).unwrap();
         let attempt = Attempt { target: None, outcome: Outcome::NoContact(sweep) };
-        ledger.enter(&Evidence::Attempt(attempt), &Config::default()).unwrap();
+        ledger.enter(&Evidence::Attempt(attempt), &paper()).unwrap();
         assert!((ledger.failures[0].point.z - 0.15).abs() < 1e-12);
         assert_eq!(ledger.tallies.consecutive_failures, 1);
-        ledger.enter(&touch(Point::origin(), None), &Config::default()).unwrap();
+        ledger.enter(&touch(Point::origin(), None), &paper()).unwrap();
         assert_eq!(ledger.tallies.consecutive_failures, 0);
     }
 }

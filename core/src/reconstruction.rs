@@ -1,19 +1,22 @@
-//! The whole method on one page: evidence in, a surface with its uncertainty out, and the next
-//! place to touch.
+//! The whole method: evidence in, a surface with its uncertainty out, and the next place to touch.
 //!
 //! The state is a fold over the evidence and nothing else: the same evidence in the same order
-//! gives the same bits.
+//! gives the same bits. What lies between evidence and surface is one page for each method,
+//! [`paper`] and [`palpate`]; both are made of the stages that the other modules hold.
 
-use crate::config::Config;
-use crate::deformation::{self, PlateReport, ThinPlate};
+mod palpate;
+mod paper;
+
+use crate::config::{Config, Method};
 use crate::error::Error;
 use crate::evidence::Evidence;
 use crate::exploration::{self, Proposal, Request, View};
-use crate::geometry::{Direction, Icosphere, SurfaceIndex, TriangleMesh};
+use crate::geometry::{Direction, Icosphere, Point, TriangleMesh};
 use crate::ledger::Ledger;
 pub use crate::summary::{Stats, StopReason};
-use crate::template::{self, TemplateFit};
-use crate::uncertainty;
+use crate::template::selection::SelectedFit;
+use crate::template::{Ellipsoid, TemplateFit};
+use crate::uncertainty::Reach;
 
 /// Changes with every change of a result: a stored state hash holds for one version only.
 pub const ALGORITHM_VERSION: &str = "1";
@@ -29,13 +32,66 @@ pub struct Reconstruction {
 /// What the evidence says about the object.
 #[derive(Clone, Debug)]
 pub struct Estimate {
-    /// The fitted template.
-    pub template: TemplateFit,
-    /// How the local deformation went.
-    pub plate: PlateReport,
+    /// The fitted template, from which the next fit goes on.
+    pub template: Template,
+    /// How the local stage went.
+    pub local: LocalReport,
     /// The surface.
     pub surface: Surface,
+    reach: Reach,
     normals: Vec<Direction>,
+}
+
+/// The template of a method, with how its fit went.
+#[derive(Clone, Debug)]
+pub enum Template {
+    /// The paper's.
+    Ellipsoid(TemplateFit<Ellipsoid>),
+    /// Superquadrics, selected by the evidence.
+    Compound(Box<SelectedFit>),
+}
+
+impl Template {
+    /// The centre of its body, in metres.
+    pub fn centre(&self) -> Point {
+        match self {
+            Self::Ellipsoid(fit) => fit.shape.centre,
+            Self::Compound(fit) => fit.chosen.shape.body.centre,
+        }
+    }
+
+    /// What it looks like, in a word.
+    pub fn family(&self) -> &'static str {
+        match self {
+            Self::Ellipsoid(_) => "ellipsoid",
+            Self::Compound(fit) => fit.chosen.shape.family(),
+        }
+    }
+
+    /// Root mean square distance of the attractors to it, in metres.
+    pub fn rms_m(&self) -> f64 {
+        match self {
+            Self::Ellipsoid(fit) => fit.rms_m,
+            Self::Compound(fit) => fit.chosen.rms_m,
+        }
+    }
+
+    /// Whether it grew to the bound of its size.
+    pub fn diverged(&self) -> bool {
+        match self {
+            Self::Ellipsoid(fit) => fit.diverged,
+            Self::Compound(fit) => fit.chosen.diverged,
+        }
+    }
+}
+
+/// How a local stage went.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LocalReport {
+    /// Root mean square of what is left of the attractors' displacements, in metres.
+    pub residual_m: f64,
+    /// A lower bound of the condition number of its system.
+    pub condition: f64,
 }
 
 /// A mesh with its uncertainty.
@@ -88,31 +144,13 @@ impl Reconstruction {
         Ok((next, update))
     }
 
-    /// The method, from attractors to a surface with uncertainty (Sections III-D to III-F).
+    /// From evidence to surface (Sections III-D to III-F).
     fn estimate(&self) -> Estimate {
-        let attractors = &self.ledger.attractors;
-        let viewpoint = self.ledger.viewpoint.as_ref();
-        let sphere = self.sphere();
-
-        // Section III-D: the template guesses the whole from the part.
-        let template = match &self.estimate {
-            Some(before) => template::fit(attractors, viewpoint, &before.template.shape, true),
-            None => template::fit(attractors, viewpoint, &template::initial(attractors, viewpoint), false),
-        };
-        let global = template.shape.mesh(sphere);
-        let index = SurfaceIndex::new(&global).expect("an icosphere has faces");
-
-        // Section III-E: a thin plate over it meets the attractors, Eq. (2).
-        let projections = deformation::project(&global, &index, attractors);
-        let (plate, report) = ThinPlate::fit(&projections);
-        let mesh = plate.displace(&global, &global.vertex_normals());
-
-        // Section III-F: uncertainty spreads from the attractors.
-        let (hops, length_m) = (self.config.propagation_hops, self.config.propagation_length_m);
-        let uncertainty = uncertainty::propagate(sphere, &mesh.vertices, attractors, hops, length_m);
-
-        let normals = mesh.vertex_normals();
-        Estimate { template, plate: report, surface: Surface { mesh, uncertainty, std_m: None }, normals }
+        let (ledger, before, config) = (&self.ledger, self.estimate.as_ref(), &self.config);
+        match config.method {
+            Method::Paper => paper::estimate(ledger, before, config, self.sphere()),
+            Method::Palpate => palpate::estimate(ledger, before, config, self.sphere()),
+        }
     }
 
     /// Where to touch next (Section III-G); nothing before the first visual prior.
@@ -133,7 +171,9 @@ impl Reconstruction {
             mesh: &estimate.surface.mesh,
             normals: &estimate.normals,
             uncertainty: &estimate.surface.uncertainty,
-            centre: estimate.template.shape.centre,
+            std_m: estimate.surface.std_m.as_deref(),
+            reach: estimate.reach,
+            centre: estimate.template.centre(),
         })
     }
 
@@ -163,6 +203,11 @@ impl Reconstruction {
 }
 
 impl Estimate {
+    fn new(template: Template, local: LocalReport, surface: Surface, reach: Reach) -> Self {
+        let normals = surface.mesh.vertex_normals();
+        Self { template, local, surface, reach, normals }
+    }
+
     /// The farthest that this surface lies from another along its normals, in metres.
     ///
     /// A fit may renumber the vertices, so each looks for its nearest one before, starting from

@@ -68,8 +68,8 @@ impl Reconstruction {
             consecutive_failures: tallies.consecutive_failures,
             mean_uncertainty: uncertainty.iter().sum::<f64>() / uncertainty.len() as f64,
             max_uncertainty: uncertainty.iter().copied().fold(0.0, f64::max),
-            fit_rms_m: estimate.map_or(0.0, |estimate| estimate.template.rms_m),
-            template: estimate.map_or("", |_| "ellipsoid"),
+            fit_rms_m: estimate.map_or(0.0, |estimate| estimate.template.rms_m()),
+            template: estimate.map_or("", |estimate| estimate.template.family()),
         }
     }
 
@@ -78,7 +78,7 @@ impl Reconstruction {
         let stats = self.stats();
         let rule = &self.config().stop;
         let estimate = self.last_estimate()?;
-        if estimate.template.diverged {
+        if estimate.template.diverged() {
             Some(StopReason::Diverged)
         } else if rule.mean_uncertainty_below.is_some_and(|below| stats.mean_uncertainty < below) {
             Some(StopReason::Coverage)

@@ -11,26 +11,29 @@ use crate::geometry::{Icosphere, Point};
 /// Vertices of the mesh for which the paper counts edges.
 const REFERENCE_VERTICES: f64 = 2562.0;
 
+/// How far an attractor's confidence spreads.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reach {
+    /// Edges, on the mesh with 2562 vertices.
+    pub hops: u32,
+    /// Over this length confidence halves, in metres.
+    pub length_m: f64,
+}
+
 /// The reach of an attractor on a mesh with another tessellation than the paper's, in edges.
 pub fn scaled_hops(hops: u32, vertices: usize) -> usize {
     (f64::from(hops) * (vertices as f64 / REFERENCE_VERTICES).sqrt()).round().max(1.0) as usize
 }
 
 /// The uncertainty of every vertex, in [0, 1]; always computed afresh from all attractors.
-pub fn propagate(
-    sphere: &Icosphere,
-    vertices: &[Point],
-    attractors: &[Attractor],
-    hops: u32,
-    length_m: f64,
-) -> Vec<f64> {
-    let hops = scaled_hops(hops, vertices.len());
+pub fn propagate(sphere: &Icosphere, vertices: &[Point], attractors: &[Attractor], reach: Reach) -> Vec<f64> {
+    let hops = scaled_hops(reach.hops, vertices.len());
     let mut uncertainty = vec![1.0_f64; vertices.len()];
     let mut ring = Ring::new(vertices.len());
     for attractor in attractors {
         let Some(nearest) = nearest_vertex(vertices, &attractor.point) else { continue };
         for &vertex in ring.around(sphere, nearest, hops) {
-            let t = (vertices[vertex as usize] - attractor.point).norm() / length_m;
+            let t = (vertices[vertex as usize] - attractor.point).norm() / reach.length_m;
             let u = 1.0 - (1.0 - attractor.uncertainty) / (1.0 + t * t);
             let least = &mut uncertainty[vertex as usize];
             *least = least.min(u);
@@ -104,6 +107,8 @@ mod tests {
     use crate::attractor::Sense;
     use proptest::prelude::*;
 
+    const REACH: Reach = Reach { hops: 5, length_m: 0.02 };
+
     fn sphere_vertices(radius_m: f64) -> Vec<Point> {
         Icosphere::get(4).directions.iter().map(|d| Point::from(d.into_inner() * radius_m)).collect()
     }
@@ -116,7 +121,7 @@ mod tests {
     fn confidence_halves_at_one_length_and_ends_at_the_ring() {
         let vertices = sphere_vertices(0.05);
         let at = attractor(vertices[0], 0.0);
-        let u = propagate(Icosphere::get(4), &vertices, &[at], 5, 0.02);
+        let u = propagate(Icosphere::get(4), &vertices, &[at], REACH);
         assert_eq!(u[0], 0.0);
         for (vertex, u) in vertices.iter().zip(&u).filter(|(_, u)| **u < 1.0) {
             let t = (vertex - vertices[0]).norm() / 0.02;
@@ -154,7 +159,7 @@ mod tests {
             let sphere = Icosphere::get(4);
             let mut before = vec![1.0; vertices.len()];
             for count in 1..=attractors.len() {
-                let after = propagate(sphere, &vertices, &attractors[..count], 5, 0.02);
+                let after = propagate(sphere, &vertices, &attractors[..count], REACH);
                 for (before, after) in before.iter().zip(&after) {
                     prop_assert!((0.0..=1.0).contains(after) && after <= before);
                 }

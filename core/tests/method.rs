@@ -3,7 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test that meets nothing where something must be has failed")]
 
 use nalgebra::{Rotation3, UnitQuaternion};
-use palpate_core::config::{Config, Settings, StopRule, Strategy};
+use palpate_core::config::{Config, Method, Settings, StopRule, Strategy, Symmetry};
 use palpate_core::error::Error;
 use palpate_core::evidence::{
     Attempt, Contact, ContactDetail, Evidence, Outcome, Sweep, Target, VisualPrior, Wrench,
@@ -16,6 +16,13 @@ use palpate_core::reconstruction::{Reconstruction, StopReason};
 struct Object {
     semi_axes: Vector,
     base_from_object: Pose,
+}
+
+const METHODS: [Method; 2] = [Method::Paper, Method::Palpate];
+
+/// The defaults of a method.
+fn of(method: Method) -> Settings {
+    Settings { method, ..Settings::default() }
 }
 
 const BEST: Request = Request { top_k: 1, keep_out: Vec::new() };
@@ -52,7 +59,7 @@ impl Object {
         VisualPrior::new(seen.into_iter().step_by(2).collect(), None, Some(self.camera())).unwrap()
     }
 
-    /// Probes from outside to inside along a candidate's way.
+    /// Probes from far outside to inside along a candidate's way.
     fn touch(&self, candidate: &Candidate) -> Evidence {
         let target = Target::new(candidate.point, candidate.normal.into_inner()).unwrap();
         let unit = |p: &Point| (self.base_from_object.inverse() * p).coords.component_div(&self.semi_axes);
@@ -61,7 +68,9 @@ impl Object {
         let (a, b, c) = (way.norm_squared(), from.dot(&way), from.norm_squared() - 1.0);
         let discriminant = b * b - a * c;
         let first = (-b - discriminant.max(0.0).sqrt()) / a;
-        let outcome = if discriminant < 0.0 || !(0.0..=1.0).contains(&first) {
+        // From a start inside, the object was touched on the way there.
+        let is_free = discriminant < 0.0 || first > 1.0 || (first < 0.0 && c >= 0.0);
+        let outcome = if is_free {
             let sweep = Sweep::new(candidate.probe_start, candidate.probe_end, 0.0);
             Outcome::NoContact(sweep.unwrap())
         } else {
@@ -78,11 +87,12 @@ impl Object {
     /// The mean distance of a session's vertices to the surface, to first order, in metres.
     fn mean_error_m(&self, state: &Reconstruction) -> f64 {
         let vertices = &state.surface().unwrap().mesh.vertices;
-        let error = |vertex: &Point| {
-            let y = (self.base_from_object.inverse() * vertex).coords.component_div(&self.semi_axes);
-            ((y.norm() - 1.0) * y.norm() / y.component_div(&self.semi_axes).norm()).abs()
-        };
-        vertices.iter().map(error).sum::<f64>() / vertices.len() as f64
+        vertices.iter().map(|vertex| self.error_m(vertex)).sum::<f64>() / vertices.len() as f64
+    }
+
+    fn error_m(&self, point: &Point) -> f64 {
+        let y = (self.base_from_object.inverse() * point).coords.component_div(&self.semi_axes);
+        ((y.norm() - 1.0) * y.norm() / y.component_div(&self.semi_axes).norm()).abs()
     }
 }
 
@@ -101,19 +111,23 @@ fn explore(object: &Object, settings: Settings, attempts: usize) -> (Vec<Evidenc
 
 #[test]
 fn a_sphere_is_recovered_from_a_cap_and_thirty_touches() {
-    let (_, state) = explore(&Object::sphere(), Settings::default(), 30);
-    let error_m = Object::sphere().mean_error_m(&state);
-    assert!(error_m < 2e-4, "{error_m}");
-    let template = state.last_estimate().unwrap().template.shape;
-    assert!((template.centre - Point::new(0.5, -0.1, 0.2)).norm() < 5e-4);
+    for method in METHODS {
+        let (_, state) = explore(&Object::sphere(), of(method), 30);
+        let error_m = Object::sphere().mean_error_m(&state);
+        assert!(error_m < 2e-4, "{method:?}: {error_m}");
+        let centre = state.last_estimate().unwrap().template.centre();
+        assert!((centre - Point::new(0.5, -0.1, 0.2)).norm() < 5e-4, "{method:?}: {centre}");
+    }
 }
 
 #[test]
 fn a_rotated_ellipsoid_is_recovered_from_a_cap_and_thirty_touches() {
     let object = Object::rotated_ellipsoid();
-    let (_, state) = explore(&object, Settings::default(), 30);
-    let error_m = object.mean_error_m(&state);
-    assert!(error_m < 4e-4, "{error_m}");
+    for method in METHODS {
+        let (_, state) = explore(&object, of(method), 30);
+        let error_m = object.mean_error_m(&state);
+        assert!(error_m < 4e-4, "{method:?}: {error_m}");
+    }
 }
 
 #[test]
@@ -123,15 +137,17 @@ fn a_rigid_motion_of_the_input_moves_mesh_and_candidate_by_the_same_motion() {
         Rotation3::from_euler_angles(0.8, -1.9, 2.6).into(),
     );
     let object = Object::rotated_ellipsoid();
-    for attempts in [0, 1, 8] {
-        let (_, here) = explore(&object, Settings::default(), attempts);
-        let (_, there) = explore(&object.moved(&motion), Settings::default(), attempts);
+    for (method, attempts) in
+        METHODS.into_iter().flat_map(|method| [0, 1, 8].map(|attempts| (method, attempts)))
+    {
+        let (_, here) = explore(&object, of(method), attempts);
+        let (_, there) = explore(&object.moved(&motion), of(method), attempts);
         let vertices = |state: &Reconstruction| state.surface().unwrap().mesh.vertices.clone();
         // Rounding may end a fit one step sooner, and the touches that follow carry that on.
         let tolerance_m = if attempts == 0 { 1e-5 } else { 5e-5 };
         for (a, b) in vertices(&here).iter().zip(vertices(&there)) {
             let off_m = (motion * a - b).norm();
-            assert!(off_m < tolerance_m, "{off_m} after {attempts} touches");
+            assert!(off_m < tolerance_m, "{method:?}: {off_m} after {attempts} touches");
         }
         let (a, b) = (&here.propose(&BEST).candidates[0], &there.propose(&BEST).candidates[0]);
         assert!((motion * a.point - b.point).norm() < tolerance_m);
@@ -141,8 +157,11 @@ fn a_rigid_motion_of_the_input_moves_mesh_and_candidate_by_the_same_motion() {
 
 #[test]
 fn the_fold_of_the_log_is_the_live_state_bit_for_bit() {
-    for strategy in [Strategy::Proactive, Strategy::MinUncertainty, Strategy::Uniform, Strategy::Random] {
-        let settings = Settings { strategy, seed: 7, ..Settings::default() };
+    let strategies = [Strategy::Proactive, Strategy::MinUncertainty, Strategy::Uniform, Strategy::Random];
+    for (method, strategy) in
+        METHODS.into_iter().flat_map(|method| strategies.map(|strategy| (method, strategy)))
+    {
+        let settings = Settings { strategy, seed: 7, ..of(method) };
         let (log, live) = explore(&Object::rotated_ellipsoid(), settings, 12);
         let replayed = log.iter().fold(Reconstruction::new(live.config().clone()), |state, evidence| {
             state.absorb(evidence).unwrap().0
@@ -169,9 +188,15 @@ fn the_seed_alone_decides_what_is_random() {
 
 #[test]
 fn the_terms_of_a_score_add_up_to_it_and_candidates_lie_apart() {
-    let (_, state) = explore(&Object::sphere(), Settings::default(), 4);
-    let candidates = state.propose(&Request { top_k: 6, keep_out: Vec::new() }).candidates;
-    assert_eq!(candidates.len(), 6);
+    let both = METHODS.map(|method| explore(&Object::sphere(), of(method), 4).1);
+    let six = |state: &Reconstruction| state.propose(&Request { top_k: 6, keep_out: Vec::new() }).candidates;
+    for candidates in both.iter().map(six) {
+        assert_eq!(candidates.len(), 6);
+        assert_sound_candidates(&candidates);
+    }
+}
+
+fn assert_sound_candidates(candidates: &[Candidate]) {
     for (place, candidate) in candidates.iter().enumerate() {
         let sum: f64 = candidate.terms.iter().map(|term| term.weight * term.value).sum();
         assert!((sum - candidate.score).abs() < 1e-12);
@@ -221,17 +246,25 @@ fn degenerate_clouds_give_a_sound_surface() {
     for points in [flat, four, repeated] {
         for viewpoint in [Some(Point::new(0.0, 0.0, 0.9)), None, points.first().copied()] {
             let prior = VisualPrior::new(points.clone(), None, viewpoint).unwrap();
-            let state = Reconstruction::new(Config::default());
-            let (state, _) = state.absorb(&Evidence::VisualPrior(prior)).unwrap();
-            assert_sound(&state);
+            for method in METHODS {
+                let state = Reconstruction::new(Config::new(of(method)).unwrap());
+                let (state, _) = state.absorb(&Evidence::VisualPrior(prior.clone())).unwrap();
+                assert_sound(&state);
+            }
         }
     }
 }
 
 #[test]
 fn degenerate_touches_give_a_sound_surface() {
-    let (_, mut state) = explore(&Object::sphere(), Settings::default(), 2);
-    let centre = state.last_estimate().unwrap().template.shape.centre;
+    for method in METHODS {
+        let (_, state) = explore(&Object::sphere(), of(method), 2);
+        assert_sound_after_odd_touches(state);
+    }
+}
+
+fn assert_sound_after_odd_touches(mut state: Reconstruction) {
+    let centre = state.last_estimate().unwrap().template.centre();
     let push = Wrench { force: Vector::new(0.0, 0.0, -5.0), torque: Vector::zeros() };
     for (point, wrench) in [
         (centre, push),
@@ -254,7 +287,7 @@ fn a_touch_before_anything_was_seen_is_refused() {
 
 #[test]
 fn a_place_that_failed_is_left_alone_until_three_contacts_succeeded() {
-    let (_, mut state) = explore(&Object::sphere(), Settings::default(), 0);
+    let (_, mut state) = explore(&Object::sphere(), of(Method::Paper), 0);
     let miss = |candidate: &Candidate| {
         let sweep = Sweep::new(candidate.probe_start, candidate.probe_end, 0.0).unwrap();
         let target = Target::new(candidate.point, candidate.normal.into_inner()).unwrap();
@@ -301,15 +334,70 @@ fn stop_rules_are_told_apart() {
 }
 
 #[test]
-fn a_finer_mesh_gives_the_same_surface() {
+fn a_finer_mesh_gives_the_same_template() {
     let object = Object::rotated_ellipsoid();
-    let fine = Settings { icosphere_subdivisions: 5, ..Settings::default() };
-    let (log, coarse) = explore(&object, Settings::default(), 6);
-    let fine = log.iter().fold(Reconstruction::new(Config::new(fine).unwrap()), |state, evidence| {
-        state.absorb(evidence).unwrap().0
-    });
-    let template = |state: &Reconstruction| state.last_estimate().unwrap().template.shape;
-    assert_eq!(template(&coarse), template(&fine));
-    let (coarse_u, fine_u) = (coarse.stats().mean_uncertainty, fine.stats().mean_uncertainty);
-    assert!((coarse_u - fine_u).abs() < 0.03, "{coarse_u} {fine_u}");
+    for method in METHODS {
+        let (log, coarse) = explore(&object, of(method), 6);
+        let fine = Config::new(Settings { icosphere_subdivisions: 5, ..of(method) }).unwrap();
+        let fold = |state: Reconstruction, evidence: &Evidence| state.absorb(evidence).unwrap().0;
+        let fine = log.iter().fold(Reconstruction::new(fine), fold);
+        let centre = |state: &Reconstruction| state.last_estimate().unwrap().template.centre();
+        assert_eq!(centre(&coarse), centre(&fine));
+        let (coarse_u, fine_u) = (coarse.stats().mean_uncertainty, fine.stats().mean_uncertainty);
+        assert!((coarse_u - fine_u).abs() < 0.03, "{coarse_u} {fine_u}");
+    }
+}
+
+#[test]
+fn an_object_that_moved_away_is_looked_for_in_a_new_place_every_time() {
+    let stop = StopRule { max_consecutive_failures: Some(50), ..StopRule::default() };
+    let (_, mut state) = explore(&Object::sphere(), Settings { stop, ..of(Method::Palpate) }, 0);
+    let gone = Object { semi_axes: Vector::repeat(1e-3), base_from_object: Pose::translation(9.0, 9.0, 9.0) };
+    let mut tried: Vec<Point> = Vec::new();
+    let first = state.surface().unwrap().mesh.clone();
+    for _ in 0..50 {
+        assert_eq!(state.stop_reason(), None);
+        let candidate = state.propose(&BEST).candidates[0].clone();
+        assert!(tried.iter().all(|before| (before - candidate.point).norm() > 1e-3));
+        tried.push(candidate.point);
+        (state, _) = state.absorb(&gone.touch(&candidate)).unwrap();
+        assert_sound(&state);
+    }
+    assert_eq!(state.stop_reason(), Some(StopReason::Stalled));
+    assert_ne!(state.surface().unwrap().mesh, first);
+}
+
+#[test]
+fn a_miss_changes_the_estimate_and_the_paper_s_does_not() {
+    for method in METHODS {
+        let (_, state) = explore(&Object::sphere(), of(method), 0);
+        let aside =
+            Object { semi_axes: Vector::repeat(1e-3), base_from_object: Pose::translation(9.0, 9.0, 9.0) };
+        let (next, _) = state.absorb(&aside.touch(&state.propose(&BEST).candidates[0])).unwrap();
+        let changed = next.surface() != state.surface();
+        assert_eq!(changed, method == Method::Palpate);
+    }
+}
+
+#[test]
+fn deviations_cover_the_error_of_a_known_shape() {
+    let object = Object::rotated_ellipsoid();
+    let (_, state) = explore(&object, of(Method::Palpate), 15);
+    let surface = state.surface().unwrap();
+    let std_m = surface.std_m.as_ref().unwrap();
+    assert!(std_m.iter().all(|s| s.is_finite() && *s > 0.0));
+    let covered =
+        surface.mesh.vertices.iter().zip(std_m).filter(|(v, s)| object.error_m(v) <= 2.0 * **s).count();
+    assert!(covered as f64 > 0.9 * std_m.len() as f64, "{covered} of {}", std_m.len());
+    let candidate = &state.propose(&BEST).candidates[0];
+    assert!(candidate.failure_risk.is_some_and(|risk| (0.0..=1.0).contains(&risk)));
+}
+
+#[test]
+fn a_declared_symmetry_is_taken_and_the_paper_s_method_refuses_one() {
+    let settings = Settings { symmetry: Some(Symmetry::Revolution), ..of(Method::Palpate) };
+    let (_, state) = explore(&Object::sphere(), settings, 25);
+    assert!(Object::sphere().mean_error_m(&state) < 1e-3);
+    let settings = Settings { symmetry: Some(Symmetry::Mirror), ..of(Method::Paper) };
+    assert_eq!(Config::new(settings).unwrap_err().field, "symmetry");
 }

@@ -6,16 +6,17 @@
 
 use nalgebra::{Matrix3, Rotation3};
 use palpate_core::attractor::{Attractor, Sense};
-use palpate_core::config::Config;
+use palpate_core::config::{Config, Method, Settings};
 use palpate_core::deformation::{self, ThinPlate};
 use palpate_core::exploration::{self, Request, View};
 use palpate_core::geometry::{Icosphere, Point, SurfaceIndex, TriangleMesh, Vector};
 use palpate_core::ledger::Ledger;
-use palpate_core::template::{self, Ellipsoid, TemplateFit};
-use palpate_core::uncertainty;
+use palpate_core::template::{Ellipsoid, TemplateFit, ellipsoid};
+use palpate_core::uncertainty::{self, Reach};
 use serde_json::Value;
 
 const TOLERANCE_M: f64 = 1e-5;
+const REACH: Reach = Reach { hops: 5, length_m: 0.020 };
 
 struct Reference {
     file: Value,
@@ -45,17 +46,17 @@ impl Reference {
     }
 
     /// The reference starts its first fit from a sphere with the axes of the frame.
-    fn first_fit(&self) -> TemplateFit {
+    fn first_fit(&self) -> TemplateFit<Ellipsoid> {
         let visual: Vec<_> = self.attractors.iter().copied().filter(|a| a.sense == Sense::Vision).collect();
         let start = Ellipsoid {
             base_from_template: Rotation3::identity(),
-            ..template::initial(&visual, Some(&self.camera))
+            ..ellipsoid::initial(&visual, Some(&self.camera))
         };
-        template::fit(&visual, Some(&self.camera), &start, false)
+        ellipsoid::fit(&visual, Some(&self.camera), &start, false)
     }
 
-    fn fit(&self) -> TemplateFit {
-        template::fit(&self.attractors, Some(&self.camera), &self.first_fit().shape, true)
+    fn fit(&self) -> TemplateFit<Ellipsoid> {
+        ellipsoid::fit(&self.attractors, Some(&self.camera), &self.first_fit().shape, true)
     }
 
     /// The template's mesh and the deformed one.
@@ -69,7 +70,7 @@ impl Reference {
     }
 
     fn uncertainty(&self, mesh: &TriangleMesh) -> Vec<f64> {
-        uncertainty::propagate(Icosphere::get(4), &mesh.vertices, &self.attractors, 5, 0.020)
+        uncertainty::propagate(Icosphere::get(4), &mesh.vertices, &self.attractors, REACH)
     }
 
     /// Our vertices at the directions of the reference's.
@@ -116,8 +117,8 @@ fn a_start_from_the_data_finds_the_same_surface() {
     for reference in Reference::all() {
         let visual: Vec<_> =
             reference.attractors.iter().copied().filter(|a| a.sense == Sense::Vision).collect();
-        let start = template::initial(&visual, Some(&reference.camera));
-        let cost = template::fit(&visual, Some(&reference.camera), &start, false).cost;
+        let start = ellipsoid::initial(&visual, Some(&reference.camera));
+        let cost = ellipsoid::fit(&visual, Some(&reference.camera), &start, false).cost;
         assert!((cost / reference.first_fit().cost - 1.0).abs() < 1e-6);
     }
 }
@@ -170,7 +171,7 @@ fn uncertainty_spreads_as_in_the_reference() {
 
 #[test]
 fn the_next_contact_is_chosen_like_in_the_reference() {
-    let config = Config::default();
+    let config = Config::new(Settings { method: Method::Paper, ..Settings::default() }).unwrap();
     for reference in Reference::all() {
         let (_, mesh) = reference.meshes();
         let view = View {
@@ -181,6 +182,8 @@ fn the_next_contact_is_chosen_like_in_the_reference() {
             normals: &mesh.vertex_normals(),
             uncertainty: &reference.uncertainty(&mesh),
             centre: reference.fit().shape.centre,
+            reach: REACH,
+            std_m: None,
         };
         let proposal = exploration::propose(&view, &Request { top_k: 8, keep_out: Vec::new() });
         let expected = Point::from_slice(&numbers(&reference.file["chosen_xyz"]));

@@ -76,6 +76,7 @@ impl Api {
     pub(crate) fn server_info(&self) -> v1::ServerInfo {
         let capabilities = [
             "method:paper",
+            "method:palpate",
             "strategy:proactive",
             "strategy:min_uncertainty",
             "strategy:uniform",
@@ -83,6 +84,7 @@ impl Api {
             "points:xyz_f32_le",
             "points:ply",
             "keep_out",
+            "symmetry",
             "explore",
             "watch",
         ];

@@ -28,7 +28,7 @@ async fn a_new_session_awaits_its_prior_and_becomes_active_with_it() {
             (Some(7), Some(4)),
             "defaults are filled in"
         );
-        assert_eq!(config.method(), v1::Method::Paper);
+        assert_eq!(config.method(), v1::Method::Palpate);
         assert_eq!(created.stats.as_ref().unwrap().mean_uncertainty, 1.0, "nothing is known");
         assert_eq!(caller.get(name).await.unwrap(), created);
 

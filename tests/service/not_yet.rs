@@ -59,8 +59,6 @@ async fn wishes_of_a_later_version_are_refused_and_not_ignored() {
         let create = async |config| {
             caller.create(v1::CreateSessionRequest { config: Some(config), ..creation("mug") }).await
         };
-        let method = v1::Method::Palpate.into();
-        check(create(v1::SessionConfig { method, ..Default::default() }).await, "METHOD_PALPATE");
         let strategy = v1::Strategy::ExpectedGain.into();
         check(create(v1::SessionConfig { strategy, ..Default::default() }).await, "EXPECTED_GAIN");
         check(

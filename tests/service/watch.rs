@@ -4,11 +4,12 @@ use std::time::Duration;
 
 use palpate::Limits;
 use palpate_proto::v1;
+use palpate_proto::v1::contact_result::Outcome as Said;
 use palpate_proto::v1::watch_session_response::Update;
 use tokio_stream::StreamExt;
 use tonic::Streaming;
 
-use crate::harness::{Caller, Proxy, Refused, Server, miss, patient_client, reply, report, soon, touch};
+use crate::harness::{Caller, Proxy, Refused, Server, patient_client, reply, report, result, soon, touch};
 
 fn watch(after_revision: i64) -> v1::WatchSessionRequest {
     v1::WatchSessionRequest { session_id: "ball".into(), after_revision, ..Default::default() }
@@ -60,10 +61,11 @@ async fn a_watcher_sees_what_was_and_what_comes_with_the_session_after_it() {
     );
     assert!(sent.faces_u32_le.is_empty(), "the faces came with the first mesh");
 
-    let missed = caller.report(report("ball", miss(&touched.candidates[0]), "miss")).await.unwrap();
-    assert_eq!(next(&mut updates).await.session, missed.session);
-    let last = caller.report(report("ball", miss(&missed.candidates[0]), "last")).await.unwrap();
-    assert_eq!(next(&mut updates).await.session, last.session, "a miss brings no mesh: nothing moved");
+    let refuse = |next: &v1::Candidate| result(next, Said::Rejected(v1::Rejected::default()));
+    let refused = caller.report(report("ball", refuse(&touched.candidates[0]), "refused")).await.unwrap();
+    assert_eq!(next(&mut updates).await.session, refused.session);
+    let last = caller.report(report("ball", refuse(&refused.candidates[0]), "last")).await.unwrap();
+    assert_eq!(next(&mut updates).await.session, last.session, "a refusal brings no mesh: nothing moved");
 }
 
 #[tokio::test]

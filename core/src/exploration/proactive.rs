@@ -6,6 +6,7 @@
 //! estimate has not changed, and the same choice would fail for ever.
 
 use super::{Excluded, Ranked, Ranking, ScoreTerm, View};
+use crate::config::Method;
 use crate::geodesic::Geodesics;
 use crate::uncertainty::{Ring, scaled_hops};
 
@@ -13,6 +14,8 @@ use crate::uncertainty::{Ring, scaled_hops};
 const TABU_RADIUS_M: f64 = 0.010;
 /// Until this many later contacts have succeeded.
 const TABU_CONTACTS: u32 = 3;
+/// A failure makes its surroundings less attractive over this distance, in metres.
+const FAILURE_RADIUS_M: f64 = 0.035;
 /// The threshold of uncertainty is multiplied by this until something is feasible.
 const RELAXATION: f64 = 0.8;
 /// Below this threshold nothing uncertain is left.
@@ -54,10 +57,13 @@ pub(super) fn rank(view: &View<'_>, reachable: &[u32]) -> Ranking {
     let weigh = |(vertex, mean_geodesic_m): (u32, Option<f64>)| {
         let distance = if largest > 0.0 { mean_geodesic_m.unwrap_or(0.0) / largest } else { 0.0 };
         let term = |term, weight, value| ScoreTerm { term, weight, value };
-        let terms = vec![
+        let mut terms = vec![
             term("geodesic", view.config.alpha_geodesic, distance),
             term("uncertainty", view.config.alpha_uncertainty, uncertainty(vertex)),
         ];
+        if view.config.method == Method::Palpate {
+            terms.push(term("failures", -1.0, failures_nearby(view, vertex)));
+        }
         Ranked { vertex, terms, mean_geodesic_m }
     };
     let mut ranked: Vec<Ranked> = chosen.into_iter().zip(geodesics).map(weigh).collect();
@@ -82,6 +88,13 @@ fn explain(ranked: &Ranked, lowered: Option<f64>) -> String {
     format!("at the frontier of what is known: uncertainty {u:.2}, {distance}{rule}")
 }
 
+/// Past failures, each counted by its nearness: the estimate is less to be trusted around them.
+fn failures_nearby(view: &View<'_>, vertex: u32) -> f64 {
+    let point = &view.mesh.vertices[vertex as usize];
+    let nearness = |square_m2: f64| (-square_m2 / (2.0 * FAILURE_RADIUS_M.powi(2))).exp();
+    view.ledger.failures.iter().map(|failure| nearness((failure.point - point).norm_squared())).sum()
+}
+
 /// Whether a candidate close by failed and too little has been learnt since.
 pub(super) fn is_taboo(view: &View<'_>, vertex: u32) -> bool {
     let point = &view.mesh.vertices[vertex as usize];
@@ -104,7 +117,7 @@ impl<'a> Frontier<'a> {
         let count = view.mesh.vertices.len();
         Self {
             view: *view,
-            hops: scaled_hops(view.config.propagation_hops, count),
+            hops: scaled_hops(view.reach.hops, count),
             ring: Ring::new(count),
             geodesics: Geodesics::new(view.sphere, &view.mesh.vertices),
         }

@@ -5,17 +5,15 @@
 //! the paper is a permanent prior: without it, the side of a cylinder drives a semi-axis to
 //! nearly a metre.
 
-use nalgebra::{Matrix3, Rotation3, SVector};
+use nalgebra::{Rotation3, SVector};
 
-use super::TemplateFit;
+use super::{LOG_SIZE, PatchFrame, TemplateFit, clamp_log_size, principal_axis, root_mean_square};
 use crate::attractor::{Attractor, Sense};
 use crate::geometry::{Icosphere, Point, TriangleMesh, Vector};
 use crate::least_squares::{NormalEquations, minimise};
 
 /// Strength of the prior on size; on position it is half of it. 0.3 diverges, 3 under-fits.
 const PRIOR_WEIGHT: f64 = 1.0;
-/// Bounds of the logarithm of a semi-axis over the prior's length.
-const LOG_SIZE: (f64, f64) = (-3.0, 3.5);
 /// All visual points together weigh as much as this many touches at most. As printed, each point
 /// counts, and a camera with a finer grid outweighs the prior until the template diverges.
 const VISUAL_WEIGHT: f64 = 80.0;
@@ -63,39 +61,10 @@ impl Ellipsoid {
     }
 }
 
-/// The frame in which a fit is well scaled, and what the prior pulls towards.
-struct Normalisation {
-    /// Centroid of the visual points.
-    origin: Point,
-    /// Their root mean square distance from it, in metres.
-    length_m: f64,
-    /// How many visual points there are, at least one.
-    visual_points: f64,
-    /// Where the prior expects the centre: one length behind the patch, seen from the camera.
-    centre: Vector,
-}
-
-impl Normalisation {
-    fn of(attractors: &[Attractor], viewpoint: Option<&Point>) -> Self {
-        let visual: Vec<&Point> =
-            attractors.iter().filter(|a| a.sense == Sense::Vision).map(|a| &a.point).collect();
-        let count = visual.len().max(1) as f64;
-        let origin = Point::from(visual.iter().map(|point| point.coords).sum::<Vector>() / count);
-        let mean_square = visual.iter().map(|&point| (point - origin).norm_squared()).sum::<f64>() / count;
-        let to_camera = viewpoint.and_then(|viewpoint| (viewpoint - origin).try_normalize(1e-9));
-        Self {
-            origin,
-            length_m: mean_square.sqrt(),
-            visual_points: count,
-            centre: to_camera.map_or_else(Vector::zeros, |direction| -direction),
-        }
-    }
-}
-
 /// The sphere that the first fit starts from, with axes taken from the data so that the fit moves
 /// with it: towards the camera, then along the widest spread across that direction.
 pub fn initial(attractors: &[Attractor], viewpoint: Option<&Point>) -> Ellipsoid {
-    let frame = Normalisation::of(attractors, viewpoint);
+    let frame = PatchFrame::of(attractors, viewpoint);
     let offsets: Vec<Vector> =
         attractors.iter().filter(|a| a.sense == Sense::Vision).map(|a| a.point - frame.origin).collect();
     let thinnest = principal_axis(&offsets, 0);
@@ -104,21 +73,10 @@ pub fn initial(attractors: &[Attractor], viewpoint: Option<&Point>) -> Ellipsoid
     let widest = principal_axis(&across, 2);
     let axes = [towards, widest, towards.cross(&widest)];
     Ellipsoid {
-        centre: frame.origin + frame.centre * frame.length_m,
+        centre: frame.base(&frame.centre),
         semi_axes: Vector::repeat(frame.length_m),
         base_from_template: Rotation3::from_basis_unchecked(&axes),
     }
-}
-
-/// The principal direction of rank `rank` (0 = least spread), with the sign of its third moment.
-fn principal_axis(offsets: &[Vector], rank: usize) -> Vector {
-    let covariance: Matrix3<f64> = offsets.iter().map(|v| v * v.transpose()).sum();
-    let eigen = covariance.symmetric_eigen();
-    let mut order = [0, 1, 2];
-    order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
-    let axis = eigen.eigenvectors.column(order[rank]).into_owned();
-    let skew: f64 = offsets.iter().map(|v| v.dot(&axis).powi(3)).sum();
-    if skew < 0.0 { -axis } else { axis }
 }
 
 /// Fits the ellipsoid to all attractors; `warm` marks a start that is already close.
@@ -130,19 +88,19 @@ pub fn fit(
     viewpoint: Option<&Point>,
     start: &Ellipsoid,
     warm: bool,
-) -> TemplateFit {
-    let frame = Normalisation::of(attractors, viewpoint);
+) -> TemplateFit<Ellipsoid> {
+    let frame = PatchFrame::of(attractors, viewpoint);
     let visual_weight = (VISUAL_WEIGHT / frame.visual_points).sqrt().min(1.0);
     let points: Vec<(Vector, f64)> = attractors
         .iter()
         .map(|a| {
             let weight = if a.sense == Sense::Vision { visual_weight } else { 1.0 };
-            ((a.point - frame.origin) / frame.length_m, weight)
+            (frame.local(&a.point), weight)
         })
         .collect();
     let parameters = Parameters {
-        centre: (start.centre - frame.origin) / frame.length_m,
-        log_axes: start.semi_axes.map(|a| (a / frame.length_m).ln().clamp(LOG_SIZE.0, LOG_SIZE.1)),
+        centre: frame.local(&start.centre),
+        log_axes: start.semi_axes.map(|a| clamp_log_size((a / frame.length_m).ln())),
         rotation: start.base_from_template,
     };
     let iterations = if warm { WARM_ITERATIONS } else { FIRST_ITERATIONS };
@@ -154,18 +112,16 @@ pub fn fit(
     );
     let found = minimum.parameters;
     let shape = Ellipsoid {
-        centre: frame.origin + found.centre * frame.length_m,
+        centre: frame.base(&found.centre),
         semi_axes: found.log_axes.map(f64::exp) * frame.length_m,
         base_from_template: found.rotation,
     };
-    let mean_square = attractors.iter().map(|a| shape.distance_m(&a.point).powi(2)).sum::<f64>()
-        / attractors.len().max(1) as f64;
     TemplateFit {
         shape,
         iterations: minimum.iterations,
         converged: minimum.converged,
         cost: minimum.cost,
-        rms_m: mean_square.sqrt(),
+        rms_m: root_mean_square(attractors.iter().map(|a| shape.distance_m(&a.point))),
         diverged: found.log_axes.max() >= LOG_SIZE.1,
     }
 }
@@ -209,7 +165,7 @@ impl Parameters {
         let part = |from: usize| Vector::new(step[from], step[from + 1], step[from + 2]);
         Self {
             centre: self.centre + part(0),
-            log_axes: (self.log_axes + part(3)).map(|p| p.clamp(LOG_SIZE.0, LOG_SIZE.1)),
+            log_axes: (self.log_axes + part(3)).map(clamp_log_size),
             rotation: self.rotation * Rotation3::new(part(6)),
         }
     }
@@ -221,4 +177,32 @@ fn stack(a: &Vector, b: &Vector, c: &Vector) -> SVector<f64, 9> {
         1 => b[row - 3],
         _ => c[row - 6],
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::Value;
+
+    #[test]
+    fn residuals_agree_with_the_reference_vectors() {
+        let file: Value = serde_json::from_str(include_str!("../../tests/data/residuals.json")).unwrap();
+        let numbers = |value: &Value| -> Vec<f64> {
+            value.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
+        };
+        let q = numbers(&file["q"]);
+        let matrix: Vec<f64> = file["R"].as_array().unwrap().iter().flat_map(numbers).collect();
+        let shape = Ellipsoid {
+            centre: Point::new(q[0], q[1], q[2]),
+            semi_axes: Vector::new(q[3].exp(), q[4].exp(), q[5].exp()),
+            base_from_template: Rotation3::from_matrix_unchecked(nalgebra::Matrix3::from_row_slice(&matrix)),
+        };
+        let points = file["X"].as_array().unwrap().iter().map(|row| Point::from_slice(&numbers(row)));
+        let expected = numbers(&file["algebraic"]).into_iter().zip(numbers(&file["ellipsoid_taubin"]));
+        for (point, (algebraic, distance)) in points.zip(expected) {
+            assert!((shape.algebraic_residual(&point) - algebraic).abs() < 1e-9);
+            // The reference adds its guard of 1e-6 to every coordinate here too.
+            assert!((shape.distance_m(&point) - distance).abs() < 5e-6);
+        }
+    }
 }

@@ -212,7 +212,7 @@ fn absorb_result(
 /// Nothing that a caller measured is ignored in silence.
 fn unused_normal(attempt: &Attempt) -> Option<String> {
     let Outcome::Contact(contact) = &attempt.outcome else { return None };
-    contact.normal().map(|_| "result.contact.normal: recorded, but METHOD_PAPER has no use for it".to_owned())
+    contact.normal().map(|_| "result.contact.normal: recorded, but no method has a use for it yet".to_owned())
 }
 
 fn next_candidates(after: &Snapshot, wanted: &Request) -> Vec<v1::Candidate> {

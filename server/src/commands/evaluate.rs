@@ -53,7 +53,7 @@ pub(crate) struct Args {
     strategies: Vec<StrategyName>,
 
     /// Which methods reconstruct.
-    #[arg(long, value_enum, value_delimiter = ',', default_values = ["paper"])]
+    #[arg(long, value_enum, value_delimiter = ',', default_values = ["paper", "palpate"])]
     methods: Vec<MethodName>,
 
     /// How many runs of each, with the seeds 1, 2, ...

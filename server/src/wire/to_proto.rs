@@ -1,7 +1,7 @@
 //! From values to messages.
 
 use nalgebra::{Rotation3, Translation3, UnitQuaternion};
-use palpate_core::config::{Config, Method, Settings, StopRule, Strategy};
+use palpate_core::config::{Config, Method, Settings, StopRule, Strategy, Symmetry};
 use palpate_core::evidence::Target;
 use palpate_core::exploration;
 use palpate_core::geometry::{Direction, Point, Pose, Vector};
@@ -57,7 +57,8 @@ pub(crate) fn session(snapshot: &Snapshot) -> v1::Session {
     }
 }
 
-/// The configuration with every default written out, so that it means the same in a later version.
+/// The configuration with every default written out, so that it means the same in a later version;
+/// how far uncertainty spreads stays open where it follows from the object's size.
 pub(crate) fn session_config(config: &Config, sensors: &[Sensor]) -> v1::SessionConfig {
     let Settings {
         method: used_method,
@@ -75,6 +76,7 @@ pub(crate) fn session_config(config: &Config, sensors: &[Sensor]) -> v1::Session
         icosphere_subdivisions,
         seed,
         stop: StopRule { max_attempts, mean_uncertainty_below, max_consecutive_failures },
+        symmetry: declared_symmetry,
     } = **config;
     v1::SessionConfig {
         method: method(used_method).into(),
@@ -86,21 +88,30 @@ pub(crate) fn session_config(config: &Config, sensors: &[Sensor]) -> v1::Session
         candidate_min: Some(candidate_min),
         visual_uncertainty: Some(visual_uncertainty),
         tactile_u_max: Some(tactile_u_max),
-        propagation_hops: Some(propagation_hops),
-        propagation_length_m: Some(propagation_length_m),
+        propagation_hops,
+        propagation_length_m,
         probe_half_travel_m: Some(probe_half_travel_m),
         failure_distance_m: Some(failure_distance_m),
         icosphere_subdivisions: Some(icosphere_subdivisions),
         seed: Some(seed),
         sensors: sensors.iter().map(sensor).collect(),
         stop: Some(v1::StopRule { max_attempts, mean_uncertainty_below, max_consecutive_failures }),
-        symmetry: v1::Symmetry::Unspecified.into(),
+        symmetry: symmetry(declared_symmetry).into(),
     }
 }
 
 fn method(method: Method) -> v1::Method {
     match method {
         Method::Paper => v1::Method::Paper,
+        Method::Palpate => v1::Method::Palpate,
+    }
+}
+
+fn symmetry(symmetry: Option<Symmetry>) -> v1::Symmetry {
+    match symmetry {
+        None => v1::Symmetry::Unspecified,
+        Some(Symmetry::Revolution) => v1::Symmetry::Revolution,
+        Some(Symmetry::Mirror) => v1::Symmetry::Mirror,
     }
 }
 

@@ -1,6 +1,6 @@
 //! The configuration of a session; what is not set takes the method's default.
 
-use palpate_core::config::{Config, Method, Settings, StopRule, Strategy};
+use palpate_core::config::{Config, Method, Settings, StopRule, Strategy, Symmetry};
 use palpate_proto::v1;
 
 use super::geometry::pose;
@@ -30,10 +30,9 @@ pub(super) fn config(config: &v1::SessionConfig, limits: &Limits) -> Result<(Con
         seed,
         sensors: ref declared_sensors,
         stop: ref stop_rule,
-        symmetry,
+        symmetry: declared_symmetry,
     } = config;
     check_travel(alpha_travel)?;
-    check_symmetry(symmetry)?;
     let default = Settings::default();
     let settings = Settings {
         method: method(wanted_method)?,
@@ -44,13 +43,14 @@ pub(super) fn config(config: &v1::SessionConfig, limits: &Limits) -> Result<(Con
         candidate_min: candidate_min.unwrap_or(default.candidate_min),
         visual_uncertainty: visual_uncertainty.unwrap_or(default.visual_uncertainty),
         tactile_u_max: tactile_u_max.unwrap_or(default.tactile_u_max),
-        propagation_hops: propagation_hops.unwrap_or(default.propagation_hops),
-        propagation_length_m: propagation_length_m.unwrap_or(default.propagation_length_m),
+        propagation_hops,
+        propagation_length_m,
         probe_half_travel_m: probe_half_travel_m.unwrap_or(default.probe_half_travel_m),
         failure_distance_m: failure_distance_m.unwrap_or(default.failure_distance_m),
         icosphere_subdivisions: icosphere_subdivisions.unwrap_or(default.icosphere_subdivisions),
         seed: seed.unwrap_or(default.seed),
         stop: stop_rule.as_ref().map_or(default.stop, stop),
+        symmetry: symmetry(declared_symmetry)?,
     };
     let config = Config::new(settings).map_err(|error| at("config", error))?;
     Ok((config, sensors(declared_sensors, limits)?))
@@ -58,8 +58,9 @@ pub(super) fn config(config: &v1::SessionConfig, limits: &Limits) -> Result<(Con
 
 fn method(value: i32) -> Result<Method, Error> {
     match v1::Method::try_from(value) {
-        Ok(v1::Method::Unspecified | v1::Method::Paper) => Ok(Method::Paper),
-        Ok(v1::Method::Palpate) => Err(Error::unimplemented("config.method METHOD_PALPATE")),
+        Ok(v1::Method::Unspecified) => Ok(Method::default()),
+        Ok(v1::Method::Paper) => Ok(Method::Paper),
+        Ok(v1::Method::Palpate) => Ok(Method::Palpate),
         Err(_) => Err(Error::field("config.method", format!("{value} is no method"))),
     }
 }
@@ -94,13 +95,12 @@ fn check_travel(alpha_travel: Option<f64>) -> Result<(), Error> {
     }
 }
 
-fn check_symmetry(symmetry: i32) -> Result<(), Error> {
-    match v1::Symmetry::try_from(symmetry) {
-        Ok(v1::Symmetry::Unspecified) => Ok(()),
-        Ok(v1::Symmetry::Revolution | v1::Symmetry::Mirror) => {
-            Err(Error::field("config.symmetry", "METHOD_PAPER has no use for it: leave it unspecified"))
-        }
-        Err(_) => Err(Error::field("config.symmetry", format!("{symmetry} is no symmetry"))),
+fn symmetry(value: i32) -> Result<Option<Symmetry>, Error> {
+    match v1::Symmetry::try_from(value) {
+        Ok(v1::Symmetry::Unspecified) => Ok(None),
+        Ok(v1::Symmetry::Revolution) => Ok(Some(Symmetry::Revolution)),
+        Ok(v1::Symmetry::Mirror) => Ok(Some(Symmetry::Mirror)),
+        Err(_) => Err(Error::field("config.symmetry", format!("{value} is no symmetry"))),
     }
 }
 

@@ -1,0 +1,257 @@
+//! Local displacement as a Gaussian process over the template's surface, with its uncertainty.
+//!
+//! The kernel sees where on the template two places lie and which way they face, so that the two
+//! sides of a thin plate do not pull each other. Far from all evidence the displacement returns to
+//! zero, the template itself: nothing is extrapolated without bound, as a thin plate does.
+
+use faer::linalg::solvers::Solve;
+use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
+use faer::{Col, Mat, Par, Side};
+use wide::f64x4;
+
+use crate::geometry::{Direction, Point, Vector};
+use crate::symmetry::{Fold, Place, Symmetry};
+
+/// How strongly a turn of the normal separates two places.
+const TURN: f64 = 1.5;
+/// The share of the variance that places have in common which a symmetry makes alike.
+const SHARE: f64 = 0.9;
+/// Added to the variance of every measurement, in square metres: keeps the system regular.
+const JITTER: f64 = 1e-10;
+
+/// A measured displacement of the template.
+#[derive(Clone, Copy, Debug)]
+pub struct Observation {
+    /// Where on the template.
+    pub place: Place,
+    /// The height of the surface over the template there, in metres.
+    pub displacement_m: f64,
+    /// Standard deviation of the measurement, in metres.
+    pub noise_m: f64,
+}
+
+/// What is expected of a displacement before any measurement.
+#[derive(Clone, Copy, Debug)]
+pub struct Prior {
+    /// Over what length displacements are alike, in metres.
+    pub length_m: f64,
+    /// Their standard deviation, in metres.
+    pub amplitude_m: f64,
+    /// What else is alike.
+    pub fold: Fold,
+}
+
+impl Prior {
+    /// Variance in the share of one kernel, in square metres.
+    fn variances(&self) -> (f64, f64) {
+        let share = if self.fold.symmetry == Symmetry::None { 0.0 } else { SHARE };
+        let variance = self.amplitude_m * self.amplitude_m;
+        ((1.0 - share) * variance, share * variance)
+    }
+}
+
+/// The displacement given all measurements.
+#[derive(Clone, Debug)]
+pub struct Displacement {
+    prior: Prior,
+    places: Vec<Place>,
+    folded: Vec<Place>,
+    weights: Vec<f64>,
+    factor: Mat<f64>,
+    surprise: f64,
+}
+
+impl Displacement {
+    /// Conditions the process on measurements.
+    pub fn fit(prior: Prior, observations: &[Observation]) -> Self {
+        let count = observations.len();
+        let places: Vec<Place> = observations.iter().map(|o| o.place).collect();
+        let folded: Vec<Place> = places.iter().map(|place| prior.fold.apply(place)).collect();
+        let (own, shared) = prior.variances();
+        let covariance = |a: usize, b: usize| {
+            let shared =
+                if shared > 0.0 { shared * kernel(&folded[a], &folded[b], prior.length_m) } else { 0.0 };
+            own * kernel(&places[a], &places[b], prior.length_m) + shared
+        };
+        let mut system = Mat::zeros(count, count);
+        for row in 0..count {
+            for column in 0..row {
+                system[(row, column)] = covariance(row, column);
+            }
+            system[(row, row)] = covariance(row, row) + observations[row].noise_m.powi(2) + JITTER;
+        }
+        let factor = system.llt(Side::Lower).expect("a kernel matrix with noise is positive definite");
+        let measured = Col::from_fn(count, |row| observations[row].displacement_m);
+        let solution = factor.solve(&measured);
+        Self {
+            prior,
+            places,
+            folded,
+            weights: solution.iter().copied().collect(),
+            factor: factor.L().to_owned(),
+            surprise: measured.iter().zip(solution.iter()).map(|(d, w)| d * w).sum(),
+        }
+    }
+
+    /// What it was conditioned with.
+    pub fn prior(&self) -> &Prior {
+        &self.prior
+    }
+
+    /// `dᵀ K⁻¹ d`: the squared size of the measurements in units of what was expected.
+    pub fn surprise(&self) -> f64 {
+        self.surprise
+    }
+
+    /// The logarithm of the marginal likelihood, up to a constant: how well the prior foresaw the
+    /// measurements.
+    pub fn evidence(&self) -> f64 {
+        let log_pivots: f64 = self.factor.diagonal().column_vector().iter().map(|pivot| pivot.ln()).sum();
+        -0.5 * self.surprise - log_pivots
+    }
+
+    /// Root mean square of what is left of the measurements it was conditioned with, in metres.
+    pub fn residual_m(&self, observations: &[Observation]) -> f64 {
+        // The noise term is exactly what separates the process from its measurements.
+        let left = observations.iter().zip(&self.weights).map(|(o, w)| w * (o.noise_m.powi(2) + JITTER));
+        (left.map(|m| m * m).sum::<f64>() / observations.len().max(1) as f64).sqrt()
+    }
+
+    /// A lower bound of the condition number, from the extreme pivots.
+    pub fn condition(&self) -> f64 {
+        let pivots = self.factor.diagonal().column_vector();
+        let (low, high) =
+            pivots.iter().fold((f64::INFINITY, 0.0_f64), |(low, high), p| (low.min(*p), high.max(*p)));
+        (high / low).powi(2)
+    }
+
+    /// The expected displacement at one place, in metres.
+    pub fn mean_m(&self, place: &Place) -> f64 {
+        let (own, shared) = self.prior.variances();
+        let folded = self.prior.fold.apply(place);
+        let covariance = |k: usize| {
+            let alike = if shared > 0.0 {
+                shared * kernel(&folded, &self.folded[k], self.prior.length_m)
+            } else {
+                0.0
+            };
+            own * kernel(place, &self.places[k], self.prior.length_m) + alike
+        };
+        (0..self.weights.len()).map(|k| self.weights[k] * covariance(k)).sum()
+    }
+
+    /// Expected displacements and their standard deviations at many places, in metres.
+    pub fn predict(&self, points: &[Point], normals: &[Direction]) -> (Vec<f64>, Vec<f64>) {
+        let places: Vec<Place> = points.iter().zip(normals).map(|(p, n)| Place::new(p, n)).collect();
+        let (own, shared) = self.prior.variances();
+        let mut cross = Mat::zeros(self.places.len(), places.len());
+        add_covariances(&mut cross, &self.places, &places, self.prior.length_m, own);
+        if shared > 0.0 {
+            let folded: Vec<Place> = places.iter().map(|place| self.prior.fold.apply(place)).collect();
+            add_covariances(&mut cross, &self.folded, &folded, self.prior.length_m, shared);
+        }
+        let mean = |column: usize| cross.col(column).iter().zip(&self.weights).map(|(k, w)| k * w).sum();
+        let means = (0..places.len()).map(mean).collect();
+        solve_lower_triangular_in_place(self.factor.as_ref(), cross.as_mut(), Par::Seq);
+        let left = |column: usize| own + shared - cross.col(column).squared_norm_l2();
+        let deviations = (0..places.len()).map(|column| left(column).max(0.0).sqrt()).collect();
+        (means, deviations)
+    }
+}
+
+/// Correlation of two displacements: Matern 3/2 of the distance, damped by the turn of the normals.
+fn kernel(a: &Place, b: &Place, length_m: f64) -> f64 {
+    let r = 3.0_f64.sqrt() * (a.point - b.point).norm() / length_m;
+    (1.0 + r) * (TURN * (a.normal.dot(&b.normal) - 1.0) - r).exp()
+}
+
+/// Adds `variance * kernel` for every known place (row) and queried place (column), four at a time.
+fn add_covariances(cross: &mut Mat<f64>, known: &[Place], queried: &[Place], length_m: f64, variance: f64) {
+    let per_length = 3.0_f64.sqrt() / length_m;
+    for (block, queries) in queried.chunks(4).enumerate() {
+        let lanes = |value: fn(&Place) -> &Vector, axis: usize| {
+            f64x4::from(std::array::from_fn(|lane| value(&queries[lane.min(queries.len() - 1)])[axis]))
+        };
+        let points = [0, 1, 2].map(|axis| lanes(|place| &place.point, axis));
+        let normals = [0, 1, 2].map(|axis| lanes(|place| &place.normal, axis));
+        for (row, place) in known.iter().enumerate() {
+            let [dx, dy, dz] = [0, 1, 2].map(|axis| points[axis] - place.point[axis]);
+            let [nx, ny, nz] = [0, 1, 2].map(|axis| normals[axis] * place.normal[axis]);
+            let r = (dx * dx + dy * dy + dz * dz).sqrt() * per_length;
+            let values = (r + 1.0) * ((nx + ny + nz - 1.0) * TURN - r).exp() * variance;
+            for (lane, value) in values.to_array().into_iter().enumerate().take(queries.len()) {
+                cross[(row, 4 * block + lane)] += value;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Icosphere;
+    use nalgebra::Rotation3;
+
+    fn prior(symmetry: Symmetry) -> Prior {
+        let fold = Fold { centre: Point::origin(), axes: Rotation3::identity(), symmetry };
+        Prior { length_m: 0.03, amplitude_m: 0.005, fold }
+    }
+
+    fn observation(direction: &Direction, displacement_m: f64) -> Observation {
+        let place = Place { point: direction.into_inner() * 0.05, normal: direction.into_inner() };
+        Observation { place, displacement_m, noise_m: 1e-5 }
+    }
+
+    fn sphere() -> (Vec<Point>, Vec<Direction>) {
+        let directions = Icosphere::get(3).directions.clone();
+        (directions.iter().map(|d| Point::from(d.into_inner() * 0.05)).collect(), directions)
+    }
+
+    #[test]
+    fn measurements_are_met_and_far_from_them_the_template_returns() {
+        let process = Displacement::fit(prior(Symmetry::None), &[observation(&Vector::x_axis(), 0.004)]);
+        let at = |d: Direction| process.predict(&[Point::from(d.into_inner() * 0.05)], &[d]);
+        let (mean, deviation) = at(Vector::x_axis());
+        assert!((mean[0] - 0.004).abs() < 1e-6 && deviation[0] < 2e-5);
+        let (mean, deviation) = at(-Vector::x_axis());
+        assert!(mean[0].abs() < 1e-4 && (deviation[0] - 0.005).abs() < 1e-5);
+    }
+
+    #[test]
+    fn one_place_and_many_places_are_answered_alike() {
+        let seen: Vec<Observation> =
+            sphere().1.iter().step_by(40).enumerate().map(|(k, d)| observation(d, 1e-4 * k as f64)).collect();
+        for symmetry in [Symmetry::None, Symmetry::Revolution(2), Symmetry::Mirror([true, false, true])] {
+            let process = Displacement::fit(prior(symmetry), &seen);
+            let (points, normals) = sphere();
+            let (means, _) = process.predict(&points, &normals);
+            for ((point, normal), mean) in points.iter().zip(&normals).zip(means) {
+                assert!((process.mean_m(&Place::new(point, normal)) - mean).abs() < 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn more_measurements_never_widen_the_uncertainty() {
+        let (points, normals) = sphere();
+        let mut seen = Vec::new();
+        let mut before = vec![f64::INFINITY; points.len()];
+        for direction in normals.iter().step_by(30) {
+            seen.push(observation(direction, 0.001));
+            let (_, after) = Displacement::fit(prior(Symmetry::None), &seen).predict(&points, &normals);
+            assert!(before.iter().zip(&after).all(|(before, after)| *after <= before + 1e-9));
+            before = after;
+        }
+    }
+
+    #[test]
+    fn evidence_finds_the_symmetry_that_the_measurements_have() {
+        // Bumps that depend on the height alone.
+        let seen: Vec<Observation> =
+            sphere().1.iter().step_by(9).map(|d| observation(d, 0.004 * (4.0 * d.z).sin())).collect();
+        let evidence = |symmetry| Displacement::fit(prior(symmetry), &seen).evidence();
+        let revolution = evidence(Symmetry::Revolution(2));
+        assert!(revolution > evidence(Symmetry::None) + 5.0);
+        assert!(revolution > evidence(Symmetry::Revolution(0)) + 5.0);
+    }
+}

@@ -1,0 +1,136 @@
+//! Symmetry: places of the template that are likely to be displaced alike.
+//!
+//! A touch on one side of a bottle says something about its other side. Symmetry is never imposed:
+//! it is a share of the displacement's variance that mirrored or rotated places have in common, so
+//! what breaks it is still found, and it is taken up only when the evidence speaks for it.
+
+use nalgebra::Rotation3;
+
+use crate::config::Symmetry as Declared;
+use crate::geometry::{Direction, Point, Vector};
+
+/// Which places are alike.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Symmetry {
+    /// None.
+    None,
+    /// Those that reflections at the planes across the marked axes bring together.
+    Mirror([bool; 3]),
+    /// Those at the same height and radius about an axis.
+    Revolution(usize),
+}
+
+impl Symmetry {
+    /// What is worth asking the evidence for, given what the caller has declared.
+    pub fn candidates(declared: Option<Declared>) -> Vec<Self> {
+        let mirrors = (1..8).map(|planes| Self::Mirror([0, 1, 2].map(|axis| planes & (1 << axis) > 0)));
+        let revolutions = (0..3).map(Self::Revolution);
+        match declared {
+            None => revolutions.chain(mirrors).collect(),
+            Some(Declared::Revolution) => revolutions.collect(),
+            Some(Declared::Mirror) => mirrors.take(3).collect(),
+        }
+    }
+}
+
+/// A place on the template: where it is and which way it faces.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// In metres.
+    pub point: Vector,
+    /// Unit length, but for a place on an axis of revolution.
+    pub normal: Vector,
+}
+
+impl Place {
+    /// A place in the session's frame.
+    pub fn new(point: &Point, normal: &Direction) -> Self {
+        Self { point: point.coords, normal: normal.into_inner() }
+    }
+}
+
+/// A symmetry about the axes of a template.
+#[derive(Clone, Copy, Debug)]
+pub struct Fold {
+    /// A point on all of its planes and axes, in metres.
+    pub centre: Point,
+    /// The directions of the axes, as columns.
+    pub axes: Rotation3<f64>,
+    /// What is alike.
+    pub symmetry: Symmetry,
+}
+
+impl Fold {
+    /// The place that all places alike are mapped to.
+    pub fn apply(&self, place: &Place) -> Place {
+        let point = self.axes.inverse_transform_vector(&(place.point - self.centre.coords));
+        let normal = self.axes.inverse_transform_vector(&place.normal);
+        match self.symmetry {
+            Symmetry::None => Place { point, normal },
+            Symmetry::Mirror(planes) => {
+                let side = Vector::from_fn(|k, _| if planes[k] && point[k] < 0.0 { -1.0 } else { 1.0 });
+                Place { point: point.component_mul(&side), normal: normal.component_mul(&side) }
+            }
+            Symmetry::Revolution(axis) => {
+                let mut across = point;
+                across[axis] = 0.0;
+                let radius = across.norm();
+                let outward = across.try_normalize(1e-9).unwrap_or_else(Vector::zeros);
+                Place {
+                    point: Vector::new(radius, 0.0, point[axis]),
+                    normal: Vector::new(normal.dot(&outward), 0.0, normal[axis]),
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn fold(symmetry: Symmetry) -> Fold {
+        Fold {
+            centre: Point::new(0.1, 0.0, 0.2),
+            axes: Rotation3::from_euler_angles(0.3, 0.5, -0.2),
+            symmetry,
+        }
+    }
+
+    fn place(fold: &Fold, local: Vector, normal: Vector) -> Place {
+        Place { point: fold.centre.coords + fold.axes * local, normal: fold.axes * normal.normalize() }
+    }
+
+    #[test]
+    fn mirrored_places_fold_together_and_others_do_not() {
+        let fold = fold(Symmetry::Mirror([true, false, false]));
+        let here = place(&fold, Vector::new(0.02, 0.01, 0.03), Vector::new(1.0, 0.2, 0.0));
+        let there = place(&fold, Vector::new(-0.02, 0.01, 0.03), Vector::new(-1.0, 0.2, 0.0));
+        let elsewhere = place(&fold, Vector::new(0.02, -0.01, 0.03), Vector::new(1.0, -0.2, 0.0));
+        let close = |a: Place, b: Place| (a.point - b.point).norm() + (a.normal - b.normal).norm() < 1e-12;
+        assert!(close(fold.apply(&here), fold.apply(&there)));
+        assert!(!close(fold.apply(&here), fold.apply(&elsewhere)));
+    }
+
+    #[test]
+    fn places_on_one_circle_fold_together() {
+        let fold = fold(Symmetry::Revolution(2));
+        let at = |turn: f64| {
+            let outward = Vector::new(turn.cos(), turn.sin(), 0.0);
+            fold.apply(&place(&fold, outward * 0.03 + Vector::z() * 0.05, outward + Vector::z()))
+        };
+        for turn in [0.5, 2.0, 4.0] {
+            assert!((at(turn).point - at(0.0).point).norm() < 1e-12);
+            assert!((at(turn).normal - at(0.0).normal).norm() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_declared_symmetry_narrows_what_is_asked_for() {
+        assert_eq!(Symmetry::candidates(None).len(), 10);
+        let revolutions = Symmetry::candidates(Some(Declared::Revolution));
+        assert!(revolutions.iter().all(|s| matches!(s, Symmetry::Revolution(_))));
+        let mirrors = Symmetry::candidates(Some(Declared::Mirror));
+        assert!(mirrors.iter().all(|s| matches!(s, Symmetry::Mirror(_))));
+    }
+}

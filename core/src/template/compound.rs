@@ -1,0 +1,121 @@
+//! The compound template: a union of at most three superquadrics, seen from a point inside.
+//!
+//! A neck on a body, or a cap on a bottle, is a second part. The union is meshed along rays from
+//! its hub, so that it keeps the icosphere's faces whatever the number of its parts; what the hub
+//! cannot see is bridged over.
+
+use super::superquadric::Superquadric;
+use crate::geometry::{Icosphere, Point, TriangleMesh, Vector};
+
+/// A union of superquadrics.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Compound {
+    /// The largest part, whose axes are those of the template.
+    pub body: Superquadric,
+    /// What else belongs to it.
+    pub limbs: Vec<Superquadric>,
+}
+
+impl Compound {
+    /// The body and then the limbs.
+    pub fn parts(&self) -> impl Iterator<Item = &Superquadric> {
+        std::iter::once(&self.body).chain(&self.limbs)
+    }
+
+    /// The signed distance to first order, that of the nearest part, in metres.
+    pub fn distance_m(&self, point: &Point) -> f64 {
+        self.parts().map(|part| part.distance_m(point)).fold(f64::INFINITY, f64::min)
+    }
+
+    /// What it looks like, in a word.
+    pub fn family(&self) -> &'static str {
+        match (self.limbs.len(), self.body.exponents) {
+            (0, [e1, e2]) if e1 < 0.5 && e2 < 0.5 => "box",
+            (0, [e1, _]) if e1 < 0.5 => "cylinder",
+            (0, [_, e2]) if e2 < 0.5 => "prism",
+            (0, _) => "ellipsoid",
+            (1, _) => "compound of 2",
+            _ => "compound of 3",
+        }
+    }
+
+    /// The icosphere mapped onto the union, along rays from the hub.
+    pub fn mesh(&self, sphere: &Icosphere) -> TriangleMesh {
+        if self.limbs.is_empty() {
+            return self.body.mesh(sphere);
+        }
+        let hub = self.hub();
+        let reach = self.reach(&hub);
+        sphere.mesh_of(|direction| {
+            let ray = self.body.base_from_template * direction.component_mul(&reach);
+            let exit = self.parts().filter_map(|part| part.exit(&hub, &ray)).fold(0.0, f64::max);
+            hub + ray * exit
+        })
+    }
+
+    /// The point inside the body, on the way to a limb, that lies deepest in the union's parts.
+    fn hub(&self) -> Point {
+        let mut best = (f64::NEG_INFINITY, self.body.centre);
+        for limb in &self.limbs {
+            for step in 0..=20 {
+                let at = self.body.centre + (limb.centre - self.body.centre) * (f64::from(step) / 20.0);
+                let in_body = 1.0 - self.body.gauge(&at);
+                let in_all = self.parts().map(|part| 1.0 - part.gauge(&at)).fold(f64::INFINITY, f64::min);
+                // Where no point is in all parts, one in the body and near the others has to do.
+                let depth = if in_all > 0.0 { 1.0 + in_all } else { in_body.min(0.3) + 0.01 * in_all };
+                if in_body > 0.05 && depth > best.0 {
+                    best = (depth, at);
+                }
+            }
+        }
+        best.1
+    }
+
+    /// How far the union reaches from the hub along each of the body's axes, in metres: rays are
+    /// spread in proportion, so that a long object has its share of vertices.
+    fn reach(&self, hub: &Point) -> Vector {
+        let offsets = self.parts().flat_map(|part| {
+            let directions = &Icosphere::get(2).directions;
+            directions.iter().map(move |direction| part.centre - hub + part.offset_towards(direction))
+        });
+        offsets.fold(Vector::repeat(1e-6), |reach, offset| {
+            reach.sup(&self.body.base_from_template.inverse_transform_vector(&offset).abs())
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Rotation3;
+
+    /// A body with a neck, as on a bottle.
+    fn bottle() -> Compound {
+        let part = |z: f64, radius: f64, half_height: f64| Superquadric {
+            centre: Point::new(0.1, 0.2, z),
+            semi_axes: Vector::new(radius, radius, half_height),
+            base_from_template: Rotation3::identity(),
+            exponents: [0.2, 1.0],
+        };
+        Compound { body: part(0.0, 0.035, 0.09), limbs: vec![part(0.1, 0.013, 0.05)] }
+    }
+
+    #[test]
+    fn the_mesh_of_a_union_lies_on_the_union() {
+        let bottle = bottle();
+        let mesh = bottle.mesh(Icosphere::get(4));
+        for vertex in &mesh.vertices {
+            assert!(bottle.distance_m(vertex).abs() < 1e-4, "{vertex}");
+        }
+        let highest = mesh.vertices.iter().map(|v| v.z).fold(0.0, f64::max);
+        assert!((highest - 0.15).abs() < 1e-3, "{highest}");
+        assert!(mesh.volume() > 0.0);
+    }
+
+    #[test]
+    fn a_template_without_limbs_is_its_body() {
+        let alone = Compound { limbs: Vec::new(), ..bottle() };
+        assert_eq!(alone.mesh(Icosphere::get(2)), alone.body.mesh(Icosphere::get(2)));
+        assert_eq!((alone.family(), bottle().family()), ("cylinder", "compound of 2"));
+    }
+}

@@ -1,0 +1,195 @@
+//! The superquadric: an ellipsoid whose sections may square up, from ball over cylinder to box.
+//!
+//! Its gauge is `G(y) = ((|y1|^(2/e2) + |y2|^(2/e2))^(e2/e1) + |y3|^(2/e1))^(e1/2)` with
+//! `y = diag(1/a) Rᵀ (x - t)`: 1 on the surface and homogeneous of degree one.
+
+use nalgebra::Rotation3;
+
+use crate::geometry::{Icosphere, Point, TriangleMesh, Vector};
+
+/// Added to the size of every coordinate: keeps the logarithms finite on the planes of symmetry.
+const GUARD: f64 = 1e-6;
+const LEAST_SUM: f64 = 1e-300;
+
+/// A superquadric in the session's frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Superquadric {
+    /// Its centre, in metres.
+    pub centre: Point,
+    /// Its semi-axes, in metres.
+    pub semi_axes: Vector,
+    /// The directions of its axes, as columns.
+    pub base_from_template: Rotation3<f64>,
+    /// `e1` squares the profile along the third axis, `e2` the section across it; both 1 for an
+    /// ellipsoid, towards 0 for edges.
+    pub exponents: [f64; 2],
+}
+
+/// The gauge at scaled coordinates, with its derivatives.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Gauge {
+    pub(super) value: f64,
+    pub(super) by_y: Vector,
+    pub(super) by_exponents: [f64; 2],
+}
+
+impl Gauge {
+    pub(super) fn at(y: &Vector, [e1, e2]: [f64; 2]) -> Self {
+        let size = y.map(|c| c.abs() + GUARD);
+        let log = size.map(f64::ln);
+        let (first, second) = ((2.0 / e2 * log.x).exp(), (2.0 / e2 * log.y).exp());
+        let ring = (first + second).max(LEAST_SUM);
+        let ring_log = ring.ln();
+        let disc = (e2 / e1 * ring_log).exp();
+        let axial = (2.0 / e1 * log.z).exp();
+        let sum = (disc + axial).max(LEAST_SUM);
+        let sum_log = sum.ln();
+        let value = (0.5 * e1 * sum_log).exp();
+        let slope = Vector::new(disc * first / ring, disc * second / ring, axial).component_div(&size);
+        let ring_by_e2 = -2.0 / (e2 * e2) * (first * log.x + second * log.y);
+        let sum_by_e1 = -(e2 * disc * ring_log + 2.0 * axial * log.z) / (e1 * e1);
+        let sum_by_e2 = disc / e1 * (ring_log + e2 * ring_by_e2 / ring);
+        Self {
+            value,
+            by_y: (value / sum * slope).zip_map(y, f64::copysign),
+            by_exponents: [
+                value * 0.5 * (sum_log + e1 / sum * sum_by_e1),
+                value * 0.5 * e1 / sum * sum_by_e2,
+            ],
+        }
+    }
+}
+
+impl Superquadric {
+    /// A vector in units of the semi-axes, along them.
+    fn unit_from_base(&self, vector: &Vector) -> Vector {
+        self.base_from_template.inverse_transform_vector(vector).component_div(&self.semi_axes)
+    }
+
+    /// The gauge: 1 on the surface, less inside, more outside.
+    pub fn gauge(&self, point: &Point) -> f64 {
+        Gauge::at(&self.unit_from_base(&(point - self.centre)), self.exponents).value
+    }
+
+    /// The signed distance to first order (Taubin), `(G - 1) / |grad G|`, in metres.
+    pub fn distance_m(&self, point: &Point) -> f64 {
+        let gauge = Gauge::at(&self.unit_from_base(&(point - self.centre)), self.exponents);
+        (gauge.value - 1.0) / gauge.by_y.component_div(&self.semi_axes).norm()
+    }
+
+    /// The point of the surface in a direction of its own scaled frame, from the centre.
+    pub(super) fn offset_towards(&self, direction: &Vector) -> Vector {
+        let radius = Gauge::at(direction, self.exponents).value.recip();
+        self.base_from_template * direction.component_mul(&self.semi_axes) * radius
+    }
+
+    /// The icosphere mapped onto the surface: `R diag(a) S / G(S) + t`.
+    pub fn mesh(&self, sphere: &Icosphere) -> TriangleMesh {
+        sphere.mesh_of(|direction| self.centre + self.offset_towards(direction))
+    }
+
+    /// Where a ray leaves the body, in lengths of the ray; `None` where it never enters.
+    pub(super) fn exit(&self, from: &Point, ray: &Vector) -> Option<f64> {
+        let (from, along) = (self.unit_from_base(&(from - self.centre)), self.unit_from_base(ray));
+        // The body lies within the unit cube of its scaled frame, so the ray is outside here. The
+        // gauge is convex along the ray: Newton's steps come down to the exit and never pass it.
+        let mut s = (3.0_f64.sqrt() + from.norm()) / along.norm();
+        for _ in 0..30 {
+            let gauge = Gauge::at(&(from + along * s), self.exponents);
+            if gauge.value <= 1.0 + 1e-6 {
+                return Some(s);
+            }
+            let slope = gauge.by_y.dot(&along);
+            s -= (gauge.value - 1.0) / slope;
+            if slope <= 0.0 || s <= 0.0 {
+                return None;
+            }
+        }
+        Some(s)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::Value;
+
+    fn numbers(value: &Value) -> Vec<f64> {
+        value.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
+    }
+
+    fn box_like() -> Superquadric {
+        Superquadric {
+            centre: Point::new(0.3, -0.1, 0.2),
+            semi_axes: Vector::new(0.02, 0.05, 0.08),
+            base_from_template: Rotation3::from_euler_angles(0.4, -0.8, 1.3),
+            exponents: [0.2, 0.3],
+        }
+    }
+
+    #[test]
+    fn distances_and_their_slopes_agree_with_the_reference_vectors() {
+        let file: Value = serde_json::from_str(include_str!("../../tests/data/residuals.json")).unwrap();
+        let q = numbers(&file["q"]);
+        let matrix: Vec<f64> = file["R"].as_array().unwrap().iter().flat_map(numbers).collect();
+        let shape = Superquadric {
+            centre: Point::new(q[0], q[1], q[2]),
+            semi_axes: Vector::new(q[3].exp(), q[4].exp(), q[5].exp()),
+            base_from_template: Rotation3::from_matrix_unchecked(nalgebra::Matrix3::from_row_slice(&matrix)),
+            exponents: [q[9], q[10]],
+        };
+        let rows =
+            |key: &str| -> Vec<Vec<f64>> { file[key].as_array().unwrap().iter().map(numbers).collect() };
+        let round = Superquadric { exponents: [1.0, 1.0], ..shape };
+        for (point, distance) in rows("X").iter().zip(numbers(&file["ellipsoid_taubin"])) {
+            assert!((round.distance_m(&Point::from_slice(point)) - distance).abs() < 1e-9);
+        }
+        let expected = numbers(&file["sq_taubin"]);
+        for ((point, distance), slope) in rows("X").iter().zip(expected).zip(rows("sq_grad_unit")) {
+            let point = Point::from_slice(point);
+            assert!((shape.distance_m(&point) - distance).abs() < 1e-9);
+            let y = shape.unit_from_base(&(point - shape.centre));
+            let by_y = Gauge::at(&y, shape.exponents).by_y;
+            let found = (shape.base_from_template * by_y.component_div(&shape.semi_axes)).normalize();
+            assert!((found - Vector::from_row_slice(&slope)).norm() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn every_vertex_of_the_mesh_lies_on_the_surface() {
+        for vertex in box_like().mesh(Icosphere::get(3)).vertices {
+            assert!((box_like().gauge(&vertex) - 1.0).abs() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn a_ray_leaves_the_body_on_its_surface_and_may_pass_it_by() {
+        let shape = box_like();
+        let from = shape.centre + Vector::new(0.004, 0.006, -0.01);
+        for direction in &Icosphere::get(2).directions {
+            let exit = shape.exit(&from, direction).unwrap();
+            assert!((shape.gauge(&(from + direction.into_inner() * exit)) - 1.0).abs() < 1e-5);
+        }
+        let aside = shape.centre + Vector::new(0.5, 0.0, 0.0);
+        assert_eq!(shape.exit(&aside, &Vector::new(0.1, 1.0, 0.0)), None);
+    }
+
+    #[test]
+    fn derivatives_of_the_gauge_are_those_of_differences() {
+        let (y, e) = (Vector::new(0.7, -0.5, 0.9), [0.4, 0.8]);
+        let gauge = Gauge::at(&y, e);
+        let step = 1e-6;
+        for k in 0..3 {
+            let mut other = y;
+            other[k] += step;
+            let difference = (Gauge::at(&other, e).value - gauge.value) / step;
+            assert!((difference - gauge.by_y[k]).abs() < 1e-5);
+        }
+        for k in 0..2 {
+            let mut other = e;
+            other[k] += step;
+            let difference = (Gauge::at(&y, other).value - gauge.value) / step;
+            assert!((difference - gauge.by_exponents[k]).abs() < 1e-5);
+        }
+    }
+}
