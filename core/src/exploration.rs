@@ -165,13 +165,19 @@ struct Ranked {
 
 impl Ranked {
     fn score(&self) -> f64 {
-        self.terms.iter().map(|term| term.weight * term.value).sum()
+        total(&self.terms)
     }
 }
 
+/// The sum of weight times value.
+fn total(terms: &[ScoreTerm]) -> f64 {
+    terms.iter().map(|term| term.weight * term.value).sum()
+}
+
 /// Vertices in the order of their preference, and what was left out.
-struct Ranking {
-    ranked: Vec<Ranked>,
+struct Ranking<'a> {
+    /// The best first, each found when it is asked for: few ever are.
+    ranked: Box<dyn Iterator<Item = Ranked> + 'a>,
     relaxed: bool,
     excluded: Excluded,
     /// Why a vertex is offered, in words; asked only of those that become candidates.
@@ -189,20 +195,18 @@ pub fn propose(view: &View<'_>, request: &Request) -> Proposal {
             !blocked
         })
         .collect();
-    let ranking = match view.config.strategy {
+    let mut ranking = match view.config.strategy {
         Strategy::Proactive => proactive::rank(view, &reachable),
         Strategy::MinUncertainty => baselines::min_uncertainty(view, &reachable),
         Strategy::Uniform => baselines::uniform(view, &reachable),
         Strategy::Random => baselines::random(view, &reachable),
     };
     let mut candidates: Vec<Candidate> = Vec::new();
-    for ranked in &ranking.ranked {
-        if candidates.len() == request.top_k {
-            break;
-        }
+    while candidates.len() < request.top_k {
+        let Some(ranked) = ranking.ranked.next() else { break };
         let point = view.mesh.vertices[ranked.vertex as usize];
         if candidates.iter().all(|other| (other.point - point).norm() >= SEPARATION_M) {
-            candidates.push(candidate(view, ranked, &ranking));
+            candidates.push(candidate(view, &ranked, &ranking));
         }
     }
     let excluded = Excluded { keep_out: excluded.keep_out, ..ranking.excluded };
@@ -215,7 +219,7 @@ pub fn is_exhausted(view: &View<'_>) -> bool {
         && (0..view.mesh.vertices.len() as u32).all(|vertex| proactive::is_taboo(view, vertex))
 }
 
-fn candidate(view: &View<'_>, ranked: &Ranked, ranking: &Ranking) -> Candidate {
+fn candidate(view: &View<'_>, ranked: &Ranked, ranking: &Ranking<'_>) -> Candidate {
     let vertex = ranked.vertex as usize;
     let (probe_start, probe_end) = view.probe_way(vertex);
     let measure = || proactive::Frontier::new(view).mean_geodesic_m(ranked.vertex);

@@ -60,12 +60,13 @@ pub struct Ring {
     seen: Vec<u32>,
     search: u32,
     vertices: Vec<u32>,
+    parents: Vec<u32>,
 }
 
 impl Ring {
     /// A search over a mesh with `vertices` vertices.
     pub fn new(vertices: usize) -> Self {
-        Self { seen: vec![0; vertices], search: 0, vertices: Vec::new() }
+        Self { seen: vec![0; vertices], search: 0, vertices: Vec::new(), parents: Vec::new() }
     }
 
     /// All vertices at most `hops` edges from `centre`, itself first.
@@ -74,6 +75,8 @@ impl Ring {
         self.seen[centre as usize] = self.search;
         self.vertices.clear();
         self.vertices.push(centre);
+        self.parents.clear();
+        self.parents.push(0);
         let mut from = 0;
         for _ in 0..hops {
             let to = self.vertices.len();
@@ -82,6 +85,7 @@ impl Ring {
                     if self.seen[outer as usize] != self.search {
                         self.seen[outer as usize] = self.search;
                         self.vertices.push(outer);
+                        self.parents.push(inner as u32);
                     }
                 }
             }
@@ -93,6 +97,12 @@ impl Ring {
     /// What the last search reached.
     pub fn vertices(&self) -> &[u32] {
         &self.vertices
+    }
+
+    /// For each vertex of [`Self::vertices`] the place in it of the one it was reached from; the
+    /// first is its own.
+    pub fn parents(&self) -> &[u32] {
+        &self.parents
     }
 
     /// Whether the last search reached `vertex`.

@@ -271,6 +271,7 @@ fn assert_sound_after_odd_touches(mut state: Reconstruction) {
         (centre, push),
         (Point::new(0.5, -0.1, 0.2), Wrench::default()),
         (Point::new(3.0, 0.0, 0.0), push),
+        (Point::new(-9e3, 9e3, 9e3), push),
     ] {
         (state, _) = state.absorb(&touch_at(point, wrench)).unwrap();
         assert_sound(&state);

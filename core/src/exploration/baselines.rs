@@ -12,7 +12,7 @@ use crate::rng::{Use, generator};
 const DIRECTIONS: u32 = 50;
 
 /// The vertex of the highest uncertainty; ties by the seeded generator (Section IV-B, minU).
-pub(super) fn min_uncertainty(view: &View<'_>, reachable: &[u32]) -> Ranking {
+pub(super) fn min_uncertainty(view: &View<'_>, reachable: &[u32]) -> Ranking<'static> {
     let mut order = reachable.to_vec();
     order.shuffle(&mut generator(view.config.seed, Use::Ties, view.ledger.tallies.attempts));
     by_value(
@@ -24,7 +24,7 @@ pub(super) fn min_uncertainty(view: &View<'_>, reachable: &[u32]) -> Ranking {
 }
 
 /// Evenly spread directions from the template's centre, fixed before the first touch.
-pub(super) fn uniform(view: &View<'_>, reachable: &[u32]) -> Ranking {
+pub(super) fn uniform(view: &View<'_>, reachable: &[u32]) -> Ranking<'static> {
     let count = view.config.stop.max_attempts.unwrap_or(DIRECTIONS).max(1);
     let mut order: Vec<u32> = (0..count).collect();
     order.shuffle(&mut generator(view.config.seed, Use::Directions, 0));
@@ -42,7 +42,7 @@ pub(super) fn uniform(view: &View<'_>, reachable: &[u32]) -> Ranking {
 }
 
 /// Any point of the surface, by area.
-pub(super) fn random(view: &View<'_>, reachable: &[u32]) -> Ranking {
+pub(super) fn random(view: &View<'_>, reachable: &[u32]) -> Ranking<'static> {
     let mut random = generator(view.config.seed, Use::Picks, view.ledger.tallies.attempts);
     let mut area = vec![0.0; view.mesh.vertices.len()];
     for (face, corners) in view.mesh.faces.iter().enumerate() {
@@ -79,7 +79,7 @@ fn by_value(
     term: &'static str,
     value: impl Fn(u32) -> f64,
     why: impl Fn(f64) -> String + 'static,
-) -> Ranking {
+) -> Ranking<'static> {
     let offer = |vertex| {
         let terms = vec![ScoreTerm { term, weight: 1.0, value: value(vertex) }];
         Ranked { vertex, terms, mean_geodesic_m: None }
@@ -87,5 +87,6 @@ fn by_value(
     let mut ranked: Vec<Ranked> = vertices.into_iter().map(offer).collect();
     ranked.sort_by(|a, b| b.score().total_cmp(&a.score()));
     let why = Box::new(move |ranked: &Ranked| why(ranked.score()));
+    let ranked = Box::new(ranked.into_iter());
     Ranking { ranked, relaxed: false, excluded: Excluded::default(), why }
 }

@@ -5,7 +5,10 @@
 //! ground. A failed candidate is left alone until three later contacts have succeeded: the
 //! estimate has not changed, and the same choice would fail for ever.
 
-use super::{Excluded, Ranked, Ranking, ScoreTerm, View};
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+
+use super::{Excluded, Ranked, Ranking, ScoreTerm, View, total};
 use crate::config::Method;
 use crate::geodesic::Geodesics;
 use crate::uncertainty::{Ring, scaled_hops};
@@ -22,7 +25,7 @@ const RELAXATION: f64 = 0.8;
 const LEAST_THRESHOLD: f64 = 1e-3;
 
 /// Ranks the reachable vertices by `a_G G + a_U U`, Eq. (3).
-pub(super) fn rank(view: &View<'_>, reachable: &[u32]) -> Ranking {
+pub(super) fn rank<'a>(view: &View<'a>, reachable: &[u32]) -> Ranking<'a> {
     let mut excluded = Excluded::default();
     let free: Vec<u32> = reachable
         .iter()
@@ -34,7 +37,7 @@ pub(super) fn rank(view: &View<'_>, reachable: &[u32]) -> Ranking {
         })
         .collect();
     let uncertainty = |vertex: u32| view.uncertainty[vertex as usize];
-    let mut frontier = Frontier::new(view);
+    let frontier = Frontier::new(view);
     let at_frontier: Vec<u32> =
         free.iter().copied().filter(|&vertex| frontier.has_confident_neighbour(vertex)).collect();
     let mut threshold = view.config.candidate_min;
@@ -52,25 +55,109 @@ pub(super) fn rank(view: &View<'_>, reachable: &[u32]) -> Ranking {
     if chosen.is_empty() {
         chosen = free;
     }
-    let geodesics: Vec<Option<f64>> = chosen.iter().map(|&vertex| frontier.mean_geodesic_m(vertex)).collect();
-    let largest = geodesics.iter().flatten().copied().fold(0.0, f64::max);
-    let weigh = |(vertex, mean_geodesic_m): (u32, Option<f64>)| {
-        let distance = if largest > 0.0 { mean_geodesic_m.unwrap_or(0.0) / largest } else { 0.0 };
+    let why = Box::new(move |ranked: &Ranked| explain(ranked, relaxed.then_some(threshold)));
+    Ranking { ranked: Box::new(BestFirst::new(frontier, chosen)), relaxed, excluded, why }
+}
+
+/// The feasible vertices by their score, the best first.
+///
+/// Geodesics are what costs, so each vertex waits with an upper bound of its score, and is
+/// measured only when no other can be better.
+struct BestFirst<'a> {
+    frontier: Frontier<'a>,
+    /// The largest mean geodesic distance of all, by which `G` is normalised.
+    largest_m: f64,
+    waiting: BinaryHeap<Scored>,
+}
+
+impl<'a> BestFirst<'a> {
+    fn new(mut frontier: Frontier<'a>, vertices: Vec<u32>) -> Self {
+        let mut bounds: Vec<(f64, u32)> = vertices
+            .into_iter()
+            .map(|vertex| (frontier.mean_edge_path_m(vertex).unwrap_or(0.0), vertex))
+            .collect();
+        bounds.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let mut largest_m = 0.0_f64;
+        for (bound_m, vertex) in &bounds {
+            if *bound_m <= largest_m {
+                break;
+            }
+            largest_m = largest_m.max(frontier.mean_geodesic_m(*vertex).unwrap_or(0.0));
+        }
+        let mut ranking = Self { frontier, largest_m, waiting: BinaryHeap::new() };
+        for (bound_m, vertex) in bounds {
+            // No measured distance exceeds the largest, whatever its bound.
+            let score = total(&ranking.terms(vertex, bound_m.min(largest_m)));
+            ranking.waiting.push(Scored { score, measured: None, vertex });
+        }
+        ranking
+    }
+
+    /// The terms of Eq. (3), and those that a method adds.
+    fn terms(&self, vertex: u32, mean_geodesic_m: f64) -> Vec<ScoreTerm> {
+        let view = &self.frontier.view;
+        let distance = if self.largest_m > 0.0 { mean_geodesic_m / self.largest_m } else { 0.0 };
         let term = |term, weight, value| ScoreTerm { term, weight, value };
         let mut terms = vec![
             term("geodesic", view.config.alpha_geodesic, distance),
-            term("uncertainty", view.config.alpha_uncertainty, uncertainty(vertex)),
+            term("uncertainty", view.config.alpha_uncertainty, view.uncertainty[vertex as usize]),
         ];
         if view.config.method == Method::Palpate {
             terms.push(term("failures", -1.0, failures_nearby(view, vertex)));
         }
-        Ranked { vertex, terms, mean_geodesic_m }
-    };
-    let mut ranked: Vec<Ranked> = chosen.into_iter().zip(geodesics).map(weigh).collect();
-    // A stable sort: equal scores stay in the order of their numbers.
-    ranked.sort_by(|a, b| b.score().total_cmp(&a.score()));
-    let why = Box::new(move |ranked: &Ranked| explain(ranked, relaxed.then_some(threshold)));
-    Ranking { ranked, relaxed, excluded, why }
+        terms
+    }
+}
+
+impl Iterator for BestFirst<'_> {
+    type Item = Ranked;
+
+    fn next(&mut self) -> Option<Ranked> {
+        loop {
+            let Scored { measured, vertex, .. } = self.waiting.pop()?;
+            let mean_geodesic_m = match measured {
+                Some(mean_geodesic_m) => {
+                    let terms = self.terms(vertex, mean_geodesic_m.unwrap_or(0.0));
+                    return Some(Ranked { vertex, terms, mean_geodesic_m });
+                }
+                None => self.frontier.mean_geodesic_m(vertex),
+            };
+            let score = total(&self.terms(vertex, mean_geodesic_m.unwrap_or(0.0)));
+            self.waiting.push(Scored { score, measured: Some(mean_geodesic_m), vertex });
+        }
+    }
+}
+
+/// A vertex with its score, or with an upper bound of it while it is not measured.
+#[derive(Debug)]
+struct Scored {
+    score: f64,
+    measured: Option<Option<f64>>,
+    vertex: u32,
+}
+
+impl Ord for Scored {
+    /// The highest score first; of equals what may still be a tie, and then the lowest number.
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.score
+            .total_cmp(&other.score)
+            .then(self.measured.is_none().cmp(&other.measured.is_none()))
+            .then(other.vertex.cmp(&self.vertex))
+    }
+}
+
+impl PartialOrd for Scored {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Eq for Scored {}
+
+impl PartialEq for Scored {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
 }
 
 fn explain(ranked: &Ranked, lowered: Option<f64>) -> String {
@@ -110,6 +197,7 @@ pub(super) struct Frontier<'a> {
     hops: usize,
     ring: Ring,
     geodesics: Geodesics<'a>,
+    paths_m: Vec<f64>,
 }
 
 impl<'a> Frontier<'a> {
@@ -120,6 +208,7 @@ impl<'a> Frontier<'a> {
             hops: scaled_hops(view.reach.hops, count),
             ring: Ring::new(count),
             geodesics: Geodesics::new(view.sphere, &view.mesh.vertices),
+            paths_m: Vec::new(),
         }
     }
 
@@ -136,13 +225,26 @@ impl<'a> Frontier<'a> {
     pub(super) fn mean_geodesic_m(&mut self, vertex: u32) -> Option<f64> {
         self.ring.around(self.view.sphere, vertex, self.hops);
         self.geodesics.spread(vertex, &self.ring);
-        let (mut sum, mut count) = (0.0, 0_u32);
-        for &other in self.ring.vertices() {
-            if other != vertex && self.is_confident(other) {
-                sum += self.geodesics.to(other);
-                count += 1;
-            }
-        }
-        (count > 0).then(|| sum / f64::from(count))
+        let others = self.ring.vertices()[1..].iter();
+        mean(others.filter(|&&other| self.is_confident(other)).map(|&other| self.geodesics.to(other)))
     }
+
+    /// The same along edges, from hop to hop: quickly found, and never shorter.
+    fn mean_edge_path_m(&mut self, vertex: u32) -> Option<f64> {
+        self.ring.around(self.view.sphere, vertex, self.hops);
+        self.paths_m.clear();
+        let at = |vertex: u32| &self.view.mesh.vertices[vertex as usize];
+        for (&other, &parent) in self.ring.vertices().iter().zip(self.ring.parents()) {
+            let before_m = self.paths_m.get(parent as usize).copied().unwrap_or(0.0);
+            let step_m = (at(other) - at(self.ring.vertices()[parent as usize])).norm();
+            self.paths_m.push(before_m + step_m);
+        }
+        let paths = self.ring.vertices().iter().zip(&self.paths_m).skip(1);
+        mean(paths.filter(|(other, _)| self.is_confident(**other)).map(|(_, path_m)| *path_m))
+    }
+}
+
+fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, count) = values.fold((0.0, 0_u32), |(sum, count), value| (sum + value, count + 1));
+    (count > 0).then(|| sum / f64::from(count))
 }

@@ -5,7 +5,7 @@ use super::{Estimate, LocalReport, Surface, Template};
 use crate::attractor::{Attractor, Sense};
 use crate::config::Config;
 use crate::displacement::{Displacement, Observation, Prior};
-use crate::geometry::{Icosphere, Point, SurfaceIndex, TriangleMesh};
+use crate::geometry::{Direction, Icosphere, Point, SurfaceIndex, TriangleMesh};
 use crate::ledger::Ledger;
 use crate::symmetry::{Fold, Place, Symmetry};
 use crate::template::{Superquadric, selection};
@@ -27,6 +27,9 @@ const CORRELATION: f64 = 0.6;
 /// Displacements are expected to be this large, in metres, as if seen so many times.
 const EXPECTED_M: f64 = 0.008;
 const EXPECTED_COUNT: f64 = 8.0;
+/// However far off a touch may be, displacements are not expected to be larger, in metres: the
+/// system stays regular.
+const LARGEST_M: f64 = 0.1;
 /// The evidence for a symmetry has to be this much better, in nats.
 const CLEARLY_BETTER: f64 = 10.0;
 /// So many touches are needed before symmetry is asked for.
@@ -75,9 +78,8 @@ pub(super) fn estimate(
     });
     let normals = global.vertex_normals();
     let (heights_m, deviations_m) = process.predict(&global.vertices, &normals);
-    let displace = |((vertex, normal), height_m): ((&Point, &crate::geometry::Direction), &f64)| {
-        vertex + normal.into_inner() * *height_m
-    };
+    let displace =
+        |((vertex, normal), height_m): ((&Point, &Direction), &f64)| vertex + normal.into_inner() * *height_m;
     let vertices = global.vertices.iter().zip(&normals).zip(&heights_m).map(displace).collect();
     let mesh = TriangleMesh { vertices, faces: global.faces };
 
@@ -121,7 +123,8 @@ fn displacement(
         let squares = process.surprise() * prior.amplitude_m.powi(2);
         let expected = EXPECTED_COUNT * EXPECTED_M.powi(2);
         let variance = (expected + squares) / (EXPECTED_COUNT + 4.0 + touches as f64);
-        Displacement::fit(Prior { amplitude_m: variance.sqrt(), ..prior }, observations)
+        let amplitude_m = variance.sqrt().min(LARGEST_M);
+        Displacement::fit(Prior { amplitude_m, ..prior }, observations)
     };
     let alone = rescaled(&rescaled(&Displacement::fit(prior, observations)));
     if touches < TOUCHES_FOR_SYMMETRY {
