@@ -16,7 +16,7 @@ mod serve;
 mod session;
 mod sessions;
 mod store;
-mod thinning;
+mod voxel;
 mod wire;
 
 pub use limits::Limits;

@@ -8,7 +8,7 @@ use super::geometry::optional_vector;
 use super::{at, check_timestamp, non_finite};
 use crate::error::Error;
 use crate::mesh_format::{PointEncoding, read_points};
-use crate::thinning;
+use crate::voxel;
 
 /// A cloud ready to be absorbed.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,10 +41,10 @@ pub(crate) fn visual_prior(path: &str, prior: &v1::VisualPrior) -> Result<Prior,
     let read = read_points(encoding, points).map_err(|error| at(path, error))?;
     check_finite(path, &read)?;
     let thinned = match *voxel_m {
-        None => thinning::without_duplicates(&read),
+        None => voxel::without_duplicates(&read),
         Some(voxel_m) => {
             check_voxel(path, voxel_m)?;
-            thinning::one_per_voxel(&read, voxel_m)
+            voxel::one_per_voxel(&read, voxel_m)
         }
     };
     let dropped = u32::try_from(read.len() - thinned.len()).unwrap_or(u32::MAX);
