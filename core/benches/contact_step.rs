@@ -5,7 +5,7 @@ use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use palpate_core::attractor::{Attractor, Sense};
-use palpate_core::config::{Config, Method, Settings};
+use palpate_core::config::{Config, Method, Settings, Strategy};
 use palpate_core::deformation::{self, ThinPlate};
 use palpate_core::evidence::{Attempt, Contact, ContactDetail, Evidence, Outcome, VisualPrior, Wrench};
 use palpate_core::exploration::Request;
@@ -45,7 +45,10 @@ fn contact(attractor: &Attractor) -> Evidence {
 
 /// A session with all of the attractors but the last, which is returned as evidence.
 fn session(method: Method, attractors: &[Attractor], subdivisions: u32) -> (Reconstruction, Evidence) {
-    let settings = Settings { method, icosphere_subdivisions: subdivisions, ..Settings::default() };
+    session_with(Settings { method, icosphere_subdivisions: subdivisions, ..Settings::default() }, attractors)
+}
+
+fn session_with(settings: Settings, attractors: &[Attractor]) -> (Reconstruction, Evidence) {
     let mut state = Reconstruction::new(Config::new(settings).expect("valid settings"));
     let (last, rest) = attractors.split_last().expect("attractors");
     let of = |sense| rest.iter().filter(move |a| a.sense == sense);
@@ -71,8 +74,25 @@ fn whole_step(criterion: &mut Criterion) {
             group.bench_function(BenchmarkId::new(name, format!("{count}x{vertices}")), |bencher| {
                 bencher.iter(|| {
                     let (next, _) = state.absorb(black_box(&evidence)).expect("absorbed");
-                    next.propose(&Request { top_k: 1, keep_out: Vec::new() })
+                    next.propose(&Request { top_k: 1, ..Request::default() })
                 });
+            });
+        }
+    }
+}
+
+/// The choice of the next candidate alone, by the two strategies of METHOD_PALPATE.
+fn proposals(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("propose");
+    group.sample_size(20);
+    for (name, strategy) in [("proactive", Strategy::Proactive), ("expected_gain", Strategy::ExpectedGain)] {
+        for (count, subdivisions) in SIZES_OF_SESSIONS {
+            let settings = Settings { strategy, icosphere_subdivisions: subdivisions, ..Settings::default() };
+            let (state, evidence) = session_with(settings, &attractors(count));
+            let (state, _) = state.absorb(&evidence).expect("absorbed");
+            let vertices = Icosphere::get(subdivisions as usize).directions.len();
+            group.bench_function(BenchmarkId::new(name, format!("{count}x{vertices}")), |bencher| {
+                bencher.iter(|| black_box(state.propose(&Request { top_k: 1, ..Request::default() })));
             });
         }
     }
@@ -123,10 +143,10 @@ fn stages(criterion: &mut Criterion) {
             ));
         });
         bench("propose", &mut || {
-            black_box(state.propose(&Request { top_k: 1, keep_out: Vec::new() }));
+            black_box(state.propose(&Request { top_k: 1, ..Request::default() }));
         });
     }
 }
 
-criterion_group!(benches, whole_step, stages);
+criterion_group!(benches, whole_step, proposals, stages);
 criterion_main!(benches);

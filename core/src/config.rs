@@ -37,6 +37,17 @@ pub enum Strategy {
     Uniform,
     /// Any point of the surface, by area.
     Random,
+    /// The touch that is expected to teach the most, if it meets anything. Needs a method that
+    /// states deviations: [`Method::Palpate`].
+    ExpectedGain,
+}
+
+impl Strategy {
+    /// Whether it scores vertices by weighted terms and avoids what has failed; the others are
+    /// what such strategies are compared with.
+    pub fn weighs_terms(self) -> bool {
+        matches!(self, Self::Proactive | Self::ExpectedGain)
+    }
 }
 
 /// When a session should end; a rule that is `None` never ends it.
@@ -61,6 +72,8 @@ pub struct Settings {
     pub alpha_geodesic: f64,
     /// Weight of the vertex uncertainty, `a_U` of Eq. (3).
     pub alpha_uncertainty: f64,
+    /// Weight of the way from the tool to where an approach starts, as a share of the object's size.
+    pub alpha_travel: f64,
     /// A vertex at or below this uncertainty is confident, `u'_max` of Eq. (3).
     pub confident_max: f64,
     /// A candidate has at least this uncertainty, `u'_min` of Eq. (3).
@@ -96,6 +109,7 @@ impl Default for Settings {
             strategy: Strategy::Proactive,
             alpha_geodesic: 1.0,
             alpha_uncertainty: 1.0,
+            alpha_travel: 0.0,
             confident_max: 0.6,
             candidate_min: 0.5,
             visual_uncertainty: 0.4,
@@ -128,6 +142,7 @@ impl Config {
         for (field, value, range) in [
             ("alpha_geodesic", settings.alpha_geodesic, &weight),
             ("alpha_uncertainty", settings.alpha_uncertainty, &weight),
+            ("alpha_travel", settings.alpha_travel, &weight),
             ("confident_max", settings.confident_max, &unit),
             ("candidate_min", settings.candidate_min, &unit),
             ("visual_uncertainty", settings.visual_uncertainty, &unit),
@@ -155,6 +170,16 @@ impl Config {
             let reason = "METHOD_PAPER has no use for it: leave it unspecified";
             return Err(FieldError::invalid("symmetry", reason));
         }
+        if settings.method == Method::Paper && settings.strategy == Strategy::ExpectedGain {
+            let reason = "METHOD_PAPER states no deviation that a gain could be expected of: \
+                          take METHOD_PALPATE, or STRATEGY_PROACTIVE";
+            return Err(FieldError::invalid("strategy", reason));
+        }
+        if settings.alpha_travel > 0.0 && !settings.strategy.weighs_terms() {
+            let reason = "a baseline does not look at the way: set it to 0, \
+                          or take STRATEGY_PROACTIVE or STRATEGY_EXPECTED_GAIN";
+            return Err(FieldError::invalid("alpha_travel", reason));
+        }
         Ok(Self(settings))
     }
 }
@@ -180,6 +205,20 @@ mod tests {
     fn a_value_out_of_range_is_named_with_its_range() {
         let error = Config::new(Settings { confident_max: 1.5, ..Settings::default() }).unwrap_err();
         assert_eq!(error.to_string(), "confident_max: 1.5 is not between 0 and 1");
+    }
+
+    #[test]
+    fn what_would_be_ignored_is_refused() {
+        let field = |settings| Config::new(settings).map_err(|error| error.field).err();
+        let paper = Settings { method: Method::Paper, ..Settings::default() };
+        assert_eq!(field(Settings { strategy: Strategy::ExpectedGain, ..paper.clone() }), Some("strategy"));
+        assert_eq!(field(Settings { symmetry: Some(Symmetry::Mirror), ..paper.clone() }), Some("symmetry"));
+        assert_eq!(field(Settings { alpha_travel: 0.5, ..paper }), None);
+        for strategy in [Strategy::MinUncertainty, Strategy::Uniform, Strategy::Random] {
+            let baseline = Settings { strategy, ..Settings::default() };
+            assert_eq!(field(Settings { alpha_travel: 0.5, ..baseline.clone() }), Some("alpha_travel"));
+            assert_eq!(field(baseline), None);
+        }
     }
 
     #[test]

@@ -140,6 +140,29 @@ impl Displacement {
         (0..self.weights.len()).map(|k| self.weights[k] * covariance(k)).sum()
     }
 
+    /// Covariances that are left between the displacements at some places (rows) and at others
+    /// (columns), in square metres: what a touch at one place says about another.
+    pub fn covariance(&self, rows: &[Place], columns: &[Place]) -> Mat<f64> {
+        let (own, shared) = self.prior.variances();
+        let fold = |places: &[Place]| -> Vec<Place> {
+            places.iter().map(|place| self.prior.fold.apply(place)).collect()
+        };
+        let before = |from: &[Place], from_folded: &[Place], to: &[Place]| {
+            let mut covariance = Mat::zeros(from.len(), to.len());
+            add_covariances(&mut covariance, from, to, self.prior.length_m, own);
+            if shared > 0.0 {
+                add_covariances(&mut covariance, from_folded, &fold(to), self.prior.length_m, shared);
+            }
+            covariance
+        };
+        let explained = |places: &[Place]| {
+            let mut cross = before(&self.places, &self.folded, places);
+            solve_lower_triangular_in_place(self.factor.as_ref(), cross.as_mut(), Par::Seq);
+            cross
+        };
+        before(rows, &fold(rows), columns) - explained(rows).transpose() * explained(columns)
+    }
+
     /// Expected displacements and their standard deviations at many places, in metres.
     pub fn predict(&self, points: &[Point], normals: &[Direction]) -> (Vec<f64>, Vec<f64>) {
         let places: Vec<Place> = points.iter().zip(normals).map(|(p, n)| Place::new(p, n)).collect();
@@ -156,6 +179,39 @@ impl Displacement {
         let left = |column: usize| own + shared - cross.col(column).squared_norm_l2();
         let deviations = (0..places.len()).map(|column| left(column).max(0.0).sqrt()).collect();
         (means, deviations)
+    }
+}
+
+/// The process at the vertices of an estimate.
+#[derive(Clone, Debug)]
+pub struct VertexProcess {
+    process: Displacement,
+    places: Vec<Place>,
+    deviations_m: Vec<f64>,
+}
+
+impl VertexProcess {
+    /// The process with, for each vertex, the place on the template that it was displaced from and
+    /// the process's deviation there, in metres.
+    pub fn new(process: Displacement, places: Vec<Place>, deviations_m: Vec<f64>) -> Self {
+        Self { process, places, deviations_m }
+    }
+
+    /// Correlations that are left between some vertices (rows) and others (columns), in [-1, 1].
+    pub fn correlation(&self, rows: &[u32], columns: &[u32]) -> Mat<f64> {
+        let places = |vertices: &[u32]| -> Vec<Place> {
+            vertices.iter().map(|&vertex| self.places[vertex as usize]).collect()
+        };
+        let mut correlation = self.process.covariance(&places(rows), &places(columns));
+        let deviation_m = |vertex: u32| self.deviations_m[vertex as usize];
+        for (row, &from) in rows.iter().enumerate() {
+            for (column, &to) in columns.iter().enumerate() {
+                // Where nothing is left to learn nothing is said about others.
+                let scale = (deviation_m(from) * deviation_m(to)).max(JITTER);
+                correlation[(row, column)] = (correlation[(row, column)] / scale).clamp(-1.0, 1.0);
+            }
+        }
+        correlation
     }
 }
 
@@ -227,6 +283,22 @@ mod tests {
             let (means, _) = process.predict(&points, &normals);
             for ((point, normal), mean) in points.iter().zip(&normals).zip(means) {
                 assert!((process.mean_m(&Place::new(point, normal)) - mean).abs() < 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn covariances_of_places_with_themselves_are_their_variances() {
+        let seen: Vec<Observation> = sphere().1.iter().step_by(40).map(|d| observation(d, 0.001)).collect();
+        let (points, normals) = sphere();
+        let places: Vec<Place> = points.iter().zip(&normals).map(|(p, n)| Place::new(p, n)).collect();
+        for symmetry in [Symmetry::None, Symmetry::Revolution(2), Symmetry::Mirror([true, false, true])] {
+            let process = Displacement::fit(prior(symmetry), &seen);
+            let (_, deviations) = process.predict(&points, &normals);
+            let covariance = process.covariance(&places[..30], &places);
+            for row in 0..30 {
+                assert!((covariance[(row, row)] - deviations[row].powi(2)).abs() < 1e-12);
+                assert!((covariance[(row, 7)] - covariance[(7, row)]).abs() < 1e-15);
             }
         }
     }

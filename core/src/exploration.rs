@@ -4,9 +4,15 @@
 //! that lie apart from each other become candidates. A proposal is a pure function of the state.
 
 mod baselines;
+mod expected_gain;
+mod failures;
 mod proactive;
+mod risk;
+mod travel;
 
+use self::travel::Travel;
 use crate::config::{Config, Strategy};
+use crate::displacement::VertexProcess;
 use crate::geometry::{Direction, Icosphere, Point, TriangleMesh};
 use crate::ledger::Ledger;
 use crate::uncertainty::Reach;
@@ -22,6 +28,8 @@ pub struct Request {
     pub top_k: usize,
     /// Where the probe must not go.
     pub keep_out: Vec<KeepOut>,
+    /// Where the tool is now, if that is to count, in metres.
+    pub tool: Option<Point>,
 }
 
 /// A part of the workspace that the probe's way must not enter.
@@ -144,6 +152,8 @@ pub struct View<'a> {
     pub reach: Reach,
     /// The centre of the template, in metres.
     pub centre: Point,
+    /// The process that the deviations come from, where the method has one.
+    pub process: Option<&'a VertexProcess>,
 }
 
 impl View<'_> {
@@ -151,6 +161,15 @@ impl View<'_> {
     fn probe_way(&self, vertex: usize) -> (Point, Point) {
         let travel = self.normals[vertex].into_inner() * self.config.probe_half_travel_m;
         (self.mesh.vertices[vertex] + travel, self.mesh.vertices[vertex] - travel)
+    }
+
+    /// `u <= u'_max`, Eq. (3).
+    fn is_confident(&self, vertex: u32) -> bool {
+        self.uncertainty[vertex as usize] <= self.config.confident_max
+    }
+
+    fn has_confident_neighbour(&self, vertex: u32) -> bool {
+        self.sphere.neighbours(vertex as usize).iter().any(|&next| self.is_confident(next))
     }
 }
 
@@ -195,8 +214,10 @@ pub fn propose(view: &View<'_>, request: &Request) -> Proposal {
             !blocked
         })
         .collect();
+    let travel = Travel::new(view, request);
     let mut ranking = match view.config.strategy {
-        Strategy::Proactive => proactive::rank(view, &reachable),
+        Strategy::Proactive => proactive::rank(view, &reachable, travel),
+        Strategy::ExpectedGain => expected_gain::rank(view, &reachable, travel),
         Strategy::MinUncertainty => baselines::min_uncertainty(view, &reachable),
         Strategy::Uniform => baselines::uniform(view, &reachable),
         Strategy::Random => baselines::random(view, &reachable),
@@ -215,8 +236,8 @@ pub fn propose(view: &View<'_>, request: &Request) -> Proposal {
 
 /// Whether a strategy that avoids what has failed has nothing left to offer.
 pub fn is_exhausted(view: &View<'_>) -> bool {
-    view.config.strategy == Strategy::Proactive
-        && (0..view.mesh.vertices.len() as u32).all(|vertex| proactive::is_taboo(view, vertex))
+    view.config.strategy.weighs_terms()
+        && (0..view.mesh.vertices.len() as u32).all(|vertex| failures::is_taboo(view, vertex))
 }
 
 fn candidate(view: &View<'_>, ranked: &Ranked, ranking: &Ranking<'_>) -> Candidate {
@@ -235,13 +256,8 @@ fn candidate(view: &View<'_>, ranked: &Ranked, ranking: &Ranking<'_>) -> Candida
         uncertainty: view.uncertainty[vertex],
         std_m,
         mean_geodesic_m: ranked.mean_geodesic_m.or_else(measure).unwrap_or(0.0),
-        failure_risk: std_m.map(|std_m| beyond(view.config.failure_distance_m, std_m)),
+        failure_risk: std_m.map(|std_m| risk::of_failure(view.config, std_m)),
         relaxed: ranking.relaxed,
         why: (ranking.why)(ranked),
     }
-}
-
-/// The probability that a normal variable of deviation `std_m` lies further than `distance_m` out.
-fn beyond(distance_m: f64, std_m: f64) -> f64 {
-    libm::erfc(distance_m / (std_m * std::f64::consts::SQRT_2))
 }

@@ -6,12 +6,16 @@
 //! [`Reference::chamfer_floor`] measures, so a figure near its floor says nothing.
 
 mod nearest;
+mod reliability;
 mod samples;
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use self::nearest::NearestPoints;
+pub use self::reliability::{
+    DeviationBin, RiskBin, StatedError, StatedRisk, coverage, deviation_bins, normal_coverage, risk_bins,
+};
 pub use self::samples::{SurfacePoint, SurfaceSampler};
 use crate::geometry::{Point, SurfaceIndex, TriangleMesh};
 
@@ -184,12 +188,25 @@ impl Reference {
     /// standard deviations (metres); 0.95 is what an honest statement reaches.
     ///
     /// # Errors
-    /// If there is no vertex, not one deviation a vertex, or a vertex that is not finite.
+    /// As those of [`Self::stated_errors`].
     pub fn calibration_2sigma(
         &self,
         reconstruction: &TriangleMesh,
         std_m: &[f64],
     ) -> Result<f64, MetricsError> {
+        Ok(coverage(&self.stated_errors(reconstruction, std_m)?, 2.0))
+    }
+
+    /// The true error of each vertex of the reconstruction beside its stated standard deviation,
+    /// in metres; every vertex counts the same.
+    ///
+    /// # Errors
+    /// If there is no vertex, not one deviation a vertex, or a vertex that is not finite.
+    pub fn stated_errors(
+        &self,
+        reconstruction: &TriangleMesh,
+        std_m: &[f64],
+    ) -> Result<Vec<StatedError>, MetricsError> {
         require_finite(reconstruction)?;
         if reconstruction.vertices.is_empty() {
             return Err(MetricsError::EmptyReconstruction);
@@ -200,13 +217,8 @@ impl Reference {
                 deviations: std_m.len(),
             });
         }
-        let within = reconstruction
-            .vertices
-            .iter()
-            .zip(std_m)
-            .filter(|(vertex, std_m)| self.index.closest(vertex).distance_m <= 2.0 * **std_m)
-            .count();
-        Ok(within as f64 / std_m.len() as f64)
+        let errors = distances(&reconstruction.vertices, &self.index);
+        Ok(std_m.iter().zip(errors).map(|(&std_m, error_m)| StatedError { std_m, error_m }).collect())
     }
 
     /// Distances from the reconstruction to the truth, and from the truth to the reconstruction.

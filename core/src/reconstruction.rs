@@ -8,6 +8,7 @@ mod palpate;
 mod paper;
 
 use crate::config::{Config, Method};
+use crate::displacement::VertexProcess;
 use crate::error::Error;
 use crate::evidence::Evidence;
 use crate::exploration::{self, Proposal, Request, View};
@@ -40,6 +41,7 @@ pub struct Estimate {
     pub surface: Surface,
     reach: Reach,
     normals: Vec<Direction>,
+    process: Option<VertexProcess>,
 }
 
 /// The template of a method, with how its fit went.
@@ -174,6 +176,7 @@ impl Reconstruction {
             std_m: estimate.surface.std_m.as_deref(),
             reach: estimate.reach,
             centre: estimate.template.centre(),
+            process: estimate.process.as_ref(),
         })
     }
 
@@ -205,7 +208,12 @@ impl Reconstruction {
 impl Estimate {
     fn new(template: Template, local: LocalReport, surface: Surface, reach: Reach) -> Self {
         let normals = surface.mesh.vertex_normals();
-        Self { template, local, surface, reach, normals }
+        Self { template, local, surface, reach, normals, process: None }
+    }
+
+    /// The same with the process that the surface's deviations come from.
+    fn with_process(self, process: VertexProcess) -> Self {
+        Self { process: Some(process), ..self }
     }
 
     /// The farthest that this surface lies from another along its normals, in metres.

@@ -1,6 +1,7 @@
-//! Thinning: of many visual points those that lie farthest from each other.
+//! Thinning: of many points those that lie farthest from each other.
 
 use crate::attractor::{Attractor, Sense};
+use crate::geometry::Point;
 
 /// Keeps all touches and at most `most` visual points, each the farthest from those before it.
 pub(crate) fn thin_visual(attractors: &[Attractor], most: usize) -> Vec<Attractor> {
@@ -9,18 +10,24 @@ pub(crate) fn thin_visual(attractors: &[Attractor], most: usize) -> Vec<Attracto
     if seen.len() <= most {
         return seen.into_iter().chain(touched).collect();
     }
+    let points: Vec<Point> = seen.iter().map(|a| a.point).collect();
+    farthest_first(&points, most).into_iter().map(|index| seen[index]).chain(touched).collect()
+}
+
+/// The indices of at most `most` points, each the farthest from those before it; the first first.
+pub(crate) fn farthest_first(points: &[Point], most: usize) -> Vec<usize> {
     let mut kept = Vec::with_capacity(most);
-    let mut distance = vec![f64::INFINITY; seen.len()];
+    let mut distance = vec![f64::INFINITY; points.len()];
     let mut next = 0;
-    while kept.len() < most {
-        kept.push(seen[next]);
-        for (distance, other) in distance.iter_mut().zip(&seen) {
-            *distance = distance.min((other.point - seen[next].point).norm_squared());
+    while kept.len() < most.min(points.len()) {
+        kept.push(next);
+        for (distance, other) in distance.iter_mut().zip(points) {
+            *distance = distance.min((other - points[next]).norm_squared());
         }
         // Of equals the last, as good as any and always the same.
-        next = (0..seen.len()).max_by(|&a, &b| distance[a].total_cmp(&distance[b])).unwrap_or(0);
+        next = (0..points.len()).max_by(|&a, &b| distance[a].total_cmp(&distance[b])).unwrap_or(0);
     }
-    kept.into_iter().chain(touched).collect()
+    kept
 }
 
 #[cfg(test)]

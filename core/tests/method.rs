@@ -25,7 +25,7 @@ fn of(method: Method) -> Settings {
     Settings { method, ..Settings::default() }
 }
 
-const BEST: Request = Request { top_k: 1, keep_out: Vec::new() };
+const BEST: Request = Request { top_k: 1, keep_out: Vec::new(), tool: None };
 
 impl Object {
     fn sphere() -> Self {
@@ -158,9 +158,8 @@ fn a_rigid_motion_of_the_input_moves_mesh_and_candidate_by_the_same_motion() {
 #[test]
 fn the_fold_of_the_log_is_the_live_state_bit_for_bit() {
     let strategies = [Strategy::Proactive, Strategy::MinUncertainty, Strategy::Uniform, Strategy::Random];
-    for (method, strategy) in
-        METHODS.into_iter().flat_map(|method| strategies.map(|strategy| (method, strategy)))
-    {
+    let of_both = METHODS.into_iter().flat_map(|method| strategies.map(|strategy| (method, strategy)));
+    for (method, strategy) in of_both.chain([(Method::Palpate, Strategy::ExpectedGain)]) {
         let settings = Settings { strategy, seed: 7, ..of(method) };
         let (log, live) = explore(&Object::rotated_ellipsoid(), settings, 12);
         let replayed = log.iter().fold(Reconstruction::new(live.config().clone()), |state, evidence| {
@@ -188,12 +187,42 @@ fn the_seed_alone_decides_what_is_random() {
 
 #[test]
 fn the_terms_of_a_score_add_up_to_it_and_candidates_lie_apart() {
-    let both = METHODS.map(|method| explore(&Object::sphere(), of(method), 4).1);
-    let six = |state: &Reconstruction| state.propose(&Request { top_k: 6, keep_out: Vec::new() }).candidates;
-    for candidates in both.iter().map(six) {
+    let tool = Some(Point::new(0.9, 0.3, 0.4));
+    let settings = METHODS.map(|method| Settings { alpha_travel: 0.5, ..of(method) });
+    let gain = Settings { strategy: Strategy::ExpectedGain, ..settings[1].clone() };
+    for settings in settings.into_iter().chain([gain]) {
+        let state = explore(&Object::sphere(), settings, 4).1;
+        let candidates = state.propose(&Request { top_k: 6, tool, ..Request::default() }).candidates;
         assert_eq!(candidates.len(), 6);
+        assert!(candidates.iter().all(|candidate| candidate.terms.iter().any(|term| term.term == "travel")));
         assert_sound_candidates(&candidates);
     }
+}
+
+#[test]
+fn the_heavier_the_way_weighs_the_nearer_to_the_tool_is_the_next_candidate() {
+    let behind = Point::new(0.3, -0.1, 0.2);
+    for strategy in [Strategy::Proactive, Strategy::ExpectedGain] {
+        let way_m = |alpha_travel, tool| {
+            let settings = Settings { strategy, alpha_travel, ..of(Method::Palpate) };
+            // The touches before are the same: they were asked for without a tool.
+            let (_, state) = explore(&Object::sphere(), settings, 6);
+            let proposal = state.propose(&Request { tool, ..BEST });
+            (proposal.candidates[0].probe_start - behind).norm()
+        };
+        let ways = [0.0, 0.3, 3.0, 300.0].map(|weight| way_m(weight, Some(behind)));
+        assert!(ways.is_sorted_by(|a, b| a >= b), "{strategy:?} {ways:?}");
+        assert!(ways[3] < ways[0] - 0.01, "{strategy:?} {ways:?}");
+        assert_eq!(way_m(300.0, None), ways[0], "without a tool there is no way to weigh");
+    }
+}
+
+#[test]
+fn expected_gain_recovers_an_ellipsoid_and_hardly_fails() {
+    let settings = Settings { strategy: Strategy::ExpectedGain, ..of(Method::Palpate) };
+    let (_, state) = explore(&Object::rotated_ellipsoid(), settings, 30);
+    let (error_m, failures) = (Object::rotated_ellipsoid().mean_error_m(&state), state.stats().failures);
+    assert!(error_m < 0.5e-3 && failures <= 4, "{error_m} {failures}");
 }
 
 fn assert_sound_candidates(candidates: &[Candidate]) {
@@ -213,7 +242,7 @@ fn no_candidate_enters_what_is_kept_out() {
     let (_, state) = explore(&Object::sphere(), Settings::default(), 0);
     let above = KeepOut::HalfSpace { normal: Vector::z_axis(), offset_m: 0.2 };
     let ball = KeepOut::Ball { center: Point::new(0.5, -0.1, 0.245), radius_m: 0.02 };
-    let proposal = state.propose(&Request { top_k: 20, keep_out: vec![above, ball] });
+    let proposal = state.propose(&Request { top_k: 20, keep_out: vec![above, ball], ..Request::default() });
     assert!(proposal.excluded.keep_out > 0 && !proposal.candidates.is_empty());
     for candidate in proposal.candidates {
         assert!(candidate.probe_start.z.min(candidate.probe_end.z) >= 0.2);
@@ -232,7 +261,7 @@ fn assert_sound(state: &Reconstruction) {
     let surface = state.surface().unwrap();
     assert!(surface.mesh.vertices.iter().all(|v| v.coords.iter().all(|x| x.is_finite())));
     assert!(surface.uncertainty.iter().all(|u| (0.0..=1.0).contains(u)));
-    for candidate in state.propose(&Request { top_k: 3, keep_out: Vec::new() }).candidates {
+    for candidate in state.propose(&Request { top_k: 3, ..Request::default() }).candidates {
         assert!(candidate.score.is_finite() && candidate.normal.iter().all(|x| x.is_finite()));
     }
 }
@@ -351,21 +380,26 @@ fn a_finer_mesh_gives_the_same_template() {
 
 #[test]
 fn an_object_that_moved_away_is_looked_for_in_a_new_place_every_time() {
-    let stop = StopRule { max_consecutive_failures: Some(50), ..StopRule::default() };
-    let (_, mut state) = explore(&Object::sphere(), Settings { stop, ..of(Method::Palpate) }, 0);
-    let gone = Object { semi_axes: Vector::repeat(1e-3), base_from_object: Pose::translation(9.0, 9.0, 9.0) };
-    let mut tried: Vec<Point> = Vec::new();
-    let first = state.surface().unwrap().mesh.clone();
-    for _ in 0..50 {
-        assert_eq!(state.stop_reason(), None);
-        let candidate = state.propose(&BEST).candidates[0].clone();
-        assert!(tried.iter().all(|before| (before - candidate.point).norm() > 1e-3));
-        tried.push(candidate.point);
-        (state, _) = state.absorb(&gone.touch(&candidate)).unwrap();
-        assert_sound(&state);
+    // Expected gain goes less far at a time, so what remains of the estimate is taboo sooner.
+    for (strategy, misses) in [(Strategy::Proactive, 50), (Strategy::ExpectedGain, 40)] {
+        let stop = StopRule { max_consecutive_failures: Some(misses), ..StopRule::default() };
+        let settings = Settings { stop, strategy, ..of(Method::Palpate) };
+        let (_, mut state) = explore(&Object::sphere(), settings, 0);
+        let gone =
+            Object { semi_axes: Vector::repeat(1e-3), base_from_object: Pose::translation(9.0, 9.0, 9.0) };
+        let mut tried: Vec<Point> = Vec::new();
+        let first = state.surface().unwrap().mesh.clone();
+        for _ in 0..misses {
+            assert_eq!(state.stop_reason(), None, "{strategy:?} after {}", tried.len());
+            let candidate = state.propose(&BEST).candidates[0].clone();
+            assert!(tried.iter().all(|before| (before - candidate.point).norm() > 1e-3));
+            tried.push(candidate.point);
+            (state, _) = state.absorb(&gone.touch(&candidate)).unwrap();
+            assert_sound(&state);
+        }
+        assert_eq!(state.stop_reason(), Some(StopReason::Stalled));
+        assert_ne!(state.surface().unwrap().mesh, first);
     }
-    assert_eq!(state.stop_reason(), Some(StopReason::Stalled));
-    assert_ne!(state.surface().unwrap().mesh, first);
 }
 
 #[test]

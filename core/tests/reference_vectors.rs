@@ -184,8 +184,9 @@ fn the_next_contact_is_chosen_like_in_the_reference() {
             centre: reference.fit().shape.centre,
             reach: REACH,
             std_m: None,
+            process: None,
         };
-        let proposal = exploration::propose(&view, &Request { top_k: 8, keep_out: Vec::new() });
+        let proposal = exploration::propose(&view, &Request { top_k: 8, ..Request::default() });
         let expected = Point::from_slice(&numbers(&reference.file["chosen_xyz"]));
         let nearest = proposal
             .candidates

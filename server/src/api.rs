@@ -81,6 +81,7 @@ impl Api {
             "strategy:min_uncertainty",
             "strategy:uniform",
             "strategy:random",
+            "strategy:expected_gain",
             "points:xyz_f32_le",
             "points:ply",
             "keep_out",

@@ -23,4 +23,5 @@ mod outcomes;
 mod proposals;
 mod retries;
 mod sse;
+mod strategies;
 mod watch;

@@ -3,7 +3,7 @@
 use palpate_proto::v1;
 use reqwest::Method;
 
-use crate::harness::{Outcome, Server, Transport, accepted, cap, creation, prior, question, reply};
+use crate::harness::{Outcome, Server, Transport, accepted, cap, prior, question, reply};
 
 #[track_caller]
 fn check<T: std::fmt::Debug>(outcome: Outcome<T>, what: &str) {
@@ -56,15 +56,6 @@ async fn wishes_of_a_later_version_are_refused_and_not_ignored() {
     server.grpc().begin("ball").await;
     for transport in Transport::BOTH {
         let caller = server.caller(transport);
-        let create = async |config| {
-            caller.create(v1::CreateSessionRequest { config: Some(config), ..creation("mug") }).await
-        };
-        let strategy = v1::Strategy::ExpectedGain.into();
-        check(create(v1::SessionConfig { strategy, ..Default::default() }).await, "EXPECTED_GAIN");
-        check(
-            create(v1::SessionConfig { alpha_travel: Some(0.5), ..Default::default() }).await,
-            "alpha_travel",
-        );
         let lease = Some(palpate_proto::Duration { seconds: 5, nanos: 0 });
         let leased = v1::ProposeContactsRequest { lease, ..question("ball", 1) };
         check(caller.propose(leased).await, "lease");

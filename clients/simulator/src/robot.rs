@@ -13,8 +13,8 @@
 use palpate_client::proto::v1::contact_result::Outcome as ReportedOutcome;
 use palpate_client::proto::v1::{
     AddVisualPriorRequest, Candidate, Contact, ContactResult, CreateSessionRequest, GetMeshRequest,
-    MeshFormat, NoContact, Pose as WirePose, Quaternion, ReportContactRequest, Session, StopReason, Vector3,
-    Wrench, mesh,
+    MeshFormat, NoContact, Pose as WirePose, Quaternion, ReportContactRequest, RobotContext, Session,
+    StopReason, Vector3, Wrench, mesh,
 };
 use palpate_client::{Client, Error as ClientError};
 use palpate_core::geometry::{Point, Pose, TriangleMesh, Vector};
@@ -142,6 +142,7 @@ impl<'a> Robot<'a> {
             end: from_wire(candidate.probe_end).ok_or(RobotError::IncompleteReply("probe_end"))?,
         };
         let outcome = self.probe.touch(self.body, approach);
+        let robot = RobotContext { tool_pose: ended_at(&outcome, &candidate), ..RobotContext::default() };
         let reply = self
             .client
             .report_contact(ReportContactRequest {
@@ -152,6 +153,7 @@ impl<'a> Robot<'a> {
                     ..ContactResult::default()
                 }),
                 propose: 1,
+                robot: Some(robot),
                 ..ReportContactRequest::default()
             })
             .await?;
@@ -235,6 +237,14 @@ fn reported(outcome: &Outcome, approach: Approach) -> ReportedOutcome {
             // The simulated probe is a ray.
             sweep_radius_m: 0.0,
         }),
+    }
+}
+
+/// Where the tool stands after an approach, its pad being its origin.
+fn ended_at(outcome: &Outcome, candidate: &Candidate) -> Option<WirePose> {
+    match outcome {
+        Outcome::Hit(touch) | Outcome::Early(touch) => Some(pose(&touch.base_from_sensor)),
+        Outcome::Miss => candidate.tool_pose.map(|tool| WirePose { position: candidate.probe_end, ..tool }),
     }
 }
 

@@ -44,15 +44,9 @@ pub(super) fn uniform(view: &View<'_>, reachable: &[u32]) -> Ranking<'static> {
 /// Any point of the surface, by area.
 pub(super) fn random(view: &View<'_>, reachable: &[u32]) -> Ranking<'static> {
     let mut random = generator(view.config.seed, Use::Picks, view.ledger.tallies.attempts);
-    let mut area = vec![0.0; view.mesh.vertices.len()];
-    for (face, corners) in view.mesh.faces.iter().enumerate() {
-        let share = view.mesh.area_normal(face).norm() / 6.0;
-        for &vertex in corners {
-            area[vertex as usize] += share;
-        }
-    }
     // The largest of u^(1/area) is a draw weighted by area, and so is each that follows it.
-    let draws: Vec<f64> = area
+    let areas = view.mesh.vertex_areas();
+    let draws: Vec<f64> = areas
         .iter()
         .map(|area| random.random::<f64>().powf(area.max(f64::MIN_POSITIVE).recip().min(1e12)))
         .collect();

@@ -2,44 +2,30 @@
 //!
 //! A candidate lies next to something confident, so that the estimate there can be relied on, and
 //! as far as possible from the rest of what is confident, so that the exploration reaches new
-//! ground. A failed candidate is left alone until three later contacts have succeeded: the
-//! estimate has not changed, and the same choice would fail for ever.
+//! ground.
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-use super::{Excluded, Ranked, Ranking, ScoreTerm, View, total};
+use super::travel::Travel;
+use super::{Excluded, Ranked, Ranking, ScoreTerm, View, failures, total};
 use crate::config::Method;
 use crate::geodesic::Geodesics;
 use crate::uncertainty::{Ring, scaled_hops};
 
-/// Candidates this close to a failed one are taboo, in metres.
-const TABU_RADIUS_M: f64 = 0.010;
-/// Until this many later contacts have succeeded.
-const TABU_CONTACTS: u32 = 3;
-/// A failure makes its surroundings less attractive over this distance, in metres.
-const FAILURE_RADIUS_M: f64 = 0.035;
 /// The threshold of uncertainty is multiplied by this until something is feasible.
 const RELAXATION: f64 = 0.8;
 /// Below this threshold nothing uncertain is left.
 const LEAST_THRESHOLD: f64 = 1e-3;
 
 /// Ranks the reachable vertices by `a_G G + a_U U`, Eq. (3).
-pub(super) fn rank<'a>(view: &View<'a>, reachable: &[u32]) -> Ranking<'a> {
-    let mut excluded = Excluded::default();
-    let free: Vec<u32> = reachable
-        .iter()
-        .copied()
-        .filter(|&vertex| {
-            let taboo = is_taboo(view, vertex);
-            excluded.recently_failed += u32::from(taboo);
-            !taboo
-        })
-        .collect();
+pub(super) fn rank<'a>(view: &View<'a>, reachable: &[u32], travel: Option<Travel>) -> Ranking<'a> {
+    let (free, recently_failed) = failures::leave_out_taboo(view, reachable);
+    let mut excluded = Excluded { recently_failed, ..Excluded::default() };
     let uncertainty = |vertex: u32| view.uncertainty[vertex as usize];
     let frontier = Frontier::new(view);
     let at_frontier: Vec<u32> =
-        free.iter().copied().filter(|&vertex| frontier.has_confident_neighbour(vertex)).collect();
+        free.iter().copied().filter(|&vertex| view.has_confident_neighbour(vertex)).collect();
     let mut threshold = view.config.candidate_min;
     let feasible = |threshold: f64| -> Vec<u32> {
         at_frontier.iter().copied().filter(|&vertex| uncertainty(vertex) >= threshold).collect()
@@ -56,7 +42,7 @@ pub(super) fn rank<'a>(view: &View<'a>, reachable: &[u32]) -> Ranking<'a> {
         chosen = free;
     }
     let why = Box::new(move |ranked: &Ranked| explain(ranked, relaxed.then_some(threshold)));
-    Ranking { ranked: Box::new(BestFirst::new(frontier, chosen)), relaxed, excluded, why }
+    Ranking { ranked: Box::new(BestFirst::new(frontier, chosen, travel)), relaxed, excluded, why }
 }
 
 /// The feasible vertices by their score, the best first.
@@ -67,11 +53,12 @@ struct BestFirst<'a> {
     frontier: Frontier<'a>,
     /// The largest mean geodesic distance of all, by which `G` is normalised.
     largest_m: f64,
+    travel: Option<Travel>,
     waiting: BinaryHeap<Scored>,
 }
 
 impl<'a> BestFirst<'a> {
-    fn new(mut frontier: Frontier<'a>, vertices: Vec<u32>) -> Self {
+    fn new(mut frontier: Frontier<'a>, vertices: Vec<u32>, travel: Option<Travel>) -> Self {
         let mut bounds: Vec<(f64, u32)> = vertices
             .into_iter()
             .map(|vertex| (frontier.mean_edge_path_m(vertex).unwrap_or(0.0), vertex))
@@ -84,7 +71,7 @@ impl<'a> BestFirst<'a> {
             }
             largest_m = largest_m.max(frontier.mean_geodesic_m(*vertex).unwrap_or(0.0));
         }
-        let mut ranking = Self { frontier, largest_m, waiting: BinaryHeap::new() };
+        let mut ranking = Self { frontier, largest_m, travel, waiting: BinaryHeap::new() };
         for (bound_m, vertex) in bounds {
             // No measured distance exceeds the largest, whatever its bound.
             let score = total(&ranking.terms(vertex, bound_m.min(largest_m)));
@@ -103,8 +90,9 @@ impl<'a> BestFirst<'a> {
             term("uncertainty", view.config.alpha_uncertainty, view.uncertainty[vertex as usize]),
         ];
         if view.config.method == Method::Palpate {
-            terms.push(term("failures", -1.0, failures_nearby(view, vertex)));
+            terms.push(failures::term(view, vertex));
         }
+        terms.extend(self.travel.map(|travel| travel.term(view, vertex)));
         terms
     }
 }
@@ -175,22 +163,6 @@ fn explain(ranked: &Ranked, lowered: Option<f64>) -> String {
     format!("at the frontier of what is known: uncertainty {u:.2}, {distance}{rule}")
 }
 
-/// Past failures, each counted by its nearness: the estimate is less to be trusted around them.
-fn failures_nearby(view: &View<'_>, vertex: u32) -> f64 {
-    let point = &view.mesh.vertices[vertex as usize];
-    let nearness = |square_m2: f64| (-square_m2 / (2.0 * FAILURE_RADIUS_M.powi(2))).exp();
-    view.ledger.failures.iter().map(|failure| nearness((failure.point - point).norm_squared())).sum()
-}
-
-/// Whether a candidate close by failed and too little has been learnt since.
-pub(super) fn is_taboo(view: &View<'_>, vertex: u32) -> bool {
-    let point = &view.mesh.vertices[vertex as usize];
-    let contacts = view.ledger.tallies.contacts;
-    view.ledger.failures.iter().any(|failure| {
-        contacts < failure.contacts_before + TABU_CONTACTS && (failure.point - point).norm() < TABU_RADIUS_M
-    })
-}
-
 /// The border between what is confident and what is not.
 pub(super) struct Frontier<'a> {
     view: View<'a>,
@@ -212,21 +184,12 @@ impl<'a> Frontier<'a> {
         }
     }
 
-    /// `u <= u'_max`, Eq. (3).
-    fn is_confident(&self, vertex: u32) -> bool {
-        self.view.uncertainty[vertex as usize] <= self.view.config.confident_max
-    }
-
-    fn has_confident_neighbour(&self, vertex: u32) -> bool {
-        self.view.sphere.neighbours(vertex as usize).iter().any(|&next| self.is_confident(next))
-    }
-
     /// Mean geodesic distance from a vertex to the confident vertices of its ring, in metres.
     pub(super) fn mean_geodesic_m(&mut self, vertex: u32) -> Option<f64> {
         self.ring.around(self.view.sphere, vertex, self.hops);
         self.geodesics.spread(vertex, &self.ring);
         let others = self.ring.vertices()[1..].iter();
-        mean(others.filter(|&&other| self.is_confident(other)).map(|&other| self.geodesics.to(other)))
+        mean(others.filter(|&&other| self.view.is_confident(other)).map(|&other| self.geodesics.to(other)))
     }
 
     /// The same along edges, from hop to hop: quickly found, and never shorter.
@@ -240,7 +203,7 @@ impl<'a> Frontier<'a> {
             self.paths_m.push(before_m + step_m);
         }
         let paths = self.ring.vertices().iter().zip(&self.paths_m).skip(1);
-        mean(paths.filter(|(other, _)| self.is_confident(**other)).map(|(_, path_m)| *path_m))
+        mean(paths.filter(|(other, _)| self.view.is_confident(**other)).map(|(_, path_m)| *path_m))
     }
 }
 

@@ -40,6 +40,18 @@ impl TriangleMesh {
         sums.into_iter().map(|sum| Direction::try_new(sum, 0.0).unwrap_or_else(Vector::x_axis)).collect()
     }
 
+    /// The share of each vertex in the area of the faces around it, in square metres.
+    pub fn vertex_areas(&self) -> Vec<f64> {
+        let mut areas = vec![0.0; self.vertices.len()];
+        for (face, corners) in self.faces.iter().enumerate() {
+            let share = self.area_normal(face).norm() / 6.0;
+            for &vertex in corners {
+                areas[vertex as usize] += share;
+            }
+        }
+        areas
+    }
+
     /// The area of the surface, in square metres.
     pub fn area(&self) -> f64 {
         (0..self.faces.len()).map(|face| 0.5 * self.area_normal(face).norm()).sum()

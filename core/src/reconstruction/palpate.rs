@@ -4,7 +4,7 @@
 use super::{Estimate, LocalReport, Surface, Template};
 use crate::attractor::{Attractor, Sense};
 use crate::config::Config;
-use crate::displacement::{Displacement, Observation, Prior};
+use crate::displacement::{Displacement, Observation, Prior, VertexProcess};
 use crate::geometry::{Direction, Icosphere, Point, SurfaceIndex, TriangleMesh};
 use crate::ledger::Ledger;
 use crate::symmetry::{Fold, Place, Symmetry};
@@ -80,6 +80,7 @@ pub(super) fn estimate(
     let (heights_m, deviations_m) = process.predict(&global.vertices, &normals);
     let displace =
         |((vertex, normal), height_m): ((&Point, &Direction), &f64)| vertex + normal.into_inner() * *height_m;
+    let places = global.vertices.iter().zip(&normals).map(|(p, n)| Place::new(p, n)).collect();
     let vertices = global.vertices.iter().zip(&normals).zip(&heights_m).map(displace).collect();
     let mesh = TriangleMesh { vertices, faces: global.faces };
 
@@ -92,9 +93,10 @@ pub(super) fn estimate(
     let calibrate = |deviation_m: f64| (DEVIATION_SCALE * deviation_m).hypot(LEAST_DEVIATION_M);
 
     let local = LocalReport { residual_m: process.residual_m(&observations), condition: process.condition() };
-    let surface =
-        Surface { mesh, uncertainty, std_m: Some(deviations_m.into_iter().map(calibrate).collect()) };
+    let std_m = deviations_m.iter().copied().map(calibrate).collect();
+    let surface = Surface { mesh, uncertainty, std_m: Some(std_m) };
     Estimate::new(Template::Compound(Box::new(template)), local, surface, reach)
+        .with_process(VertexProcess::new(process, places, deviations_m))
 }
 
 /// What a point says about the displacement of the template under it.

@@ -4,6 +4,7 @@ mod objects;
 mod paper;
 mod plot;
 mod record;
+mod reliability;
 mod run;
 mod spread;
 mod table;
@@ -16,21 +17,25 @@ use palpate_client::Client;
 use palpate_core::metrics::Sampling;
 
 use self::objects::EvaluatedObject;
-use self::plot::Plot;
+use self::plot::{Course, draw_reliability};
 use self::record::{Case, Run};
 use self::table::Report;
-use super::robot::{LocalServer, MethodName, NoiseArgs, SessionArgs, StrategyName, name_of, plan};
+use super::robot::{
+    LocalServer, MethodName, NoiseArgs, SessionArgs, StrategyName, SymmetryName, name_of, plan,
+};
 use crate::cli::Failure;
 
 pub(super) const ABOUT: &str = "\
 Lets the simulated robot explore every object with every method, strategy and seed, and compares what comes out.
 
 Everything goes through a real server whose database stays in the output folder. The output folder gets:
-  table.md       the tables, laid out like the paper's, with its figures beside where the names match
-  runs.csv       one line a run, all metrics
-  attempts.csv   one line an attempt
-  plots/*.svg    errors over attempts, one file an object
-  sessions.db    the event log behind every figure
+  table.md               the tables, laid out like the paper's, with its figures beside where the names match,
+                         and how far stated deviations and risks of failure are true
+  runs.csv               one line a run, all metrics
+  attempts.csv           one line an attempt, with the stated risk, and every fifth with the calibration
+  plots/OBJECT.svg       errors over attempts, one file an object
+  plots/reliability.svg  stated deviations and risks against the truth, if a method states any
+  sessions.db            the event log behind every figure
 
 The same arguments give the same figures, however many runs go on at once.";
 
@@ -55,6 +60,11 @@ pub(crate) struct Args {
     /// Which methods reconstruct.
     #[arg(long, value_enum, value_delimiter = ',', default_values = ["paper", "palpate"])]
     methods: Vec<MethodName>,
+
+    /// What is known of every object's symmetry beforehand: declared to `palpate`, and left out for `paper`, which
+    /// refuses one.
+    #[arg(long, value_enum)]
+    symmetry: Option<SymmetryName>,
 
     /// How many runs of each, with the seeds 1, 2, ...
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=1000))]
@@ -90,7 +100,7 @@ pub(crate) async fn run(args: Args) -> Result<(), Failure> {
     record::write_attempts(&runs, &args.out.join("attempts.csv"))?;
     record::write_runs(&runs, &args.out.join("runs.csv"))?;
     for object in &objects {
-        let plot = Plot {
+        let plot = Course {
             object: &object.name,
             floor_mm: 1e3 * object.floor.sum_m,
             attempts: args.attempts,
@@ -98,6 +108,11 @@ pub(crate) async fn run(args: Args) -> Result<(), Failure> {
             runs: &runs,
         };
         plot.write(&args.out.join("plots").join(&object.name).with_extension("svg"))?;
+    }
+    let names: Vec<_> = objects.iter().map(|object| object.name.clone()).collect();
+    let statements = reliability::collect(&series, &names, &runs);
+    if !statements.is_empty() {
+        draw_reliability(&statements, &args.out.join("plots").join("reliability.svg"))?;
     }
     let columns: Vec<_> =
         objects.iter().map(|object| (object.name.clone(), 1e3 * object.floor.sum_m)).collect();
@@ -111,6 +126,7 @@ pub(crate) async fn run(args: Args) -> Result<(), Failure> {
         seeds: args.seeds,
         chamfer_points: Sampling::default().chamfer_points,
         runs: &runs,
+        statements: &statements,
     }
     .markdown();
     std::fs::write(args.out.join("table.md"), &table)?;
@@ -171,8 +187,13 @@ fn cases(
         for &method in &args.methods {
             for &strategy in &args.strategies {
                 for seed in 1..=args.seeds {
-                    let session =
-                        SessionArgs { attempts: args.attempts, strategy, method: Some(method), seed };
+                    let session = SessionArgs {
+                        attempts: args.attempts,
+                        strategy,
+                        method: Some(method),
+                        symmetry: args.symmetry.filter(|_| method != MethodName::Paper),
+                        seed,
+                    };
                     let mut plan = plan(&object.name, "evaluate", &session, &args.noise);
                     plan.session.session_id = format!("run-{:04}", cases.len() + 1);
                     cases.push((object.clone(), Case::new(&object.name, method, strategy, seed), plan));
@@ -200,6 +221,8 @@ fn typed_command(args: impl Iterator<Item = String>) -> String {
 
 #[cfg(test)]
 mod tests {
+    use palpate_client::proto::v1::Symmetry;
+
     use super::*;
 
     #[test]
@@ -207,6 +230,55 @@ mod tests {
         let args = ["evaluate", "--meshes", "my meshes", "--objects", "can,box", "it's"];
         let command = typed_command(args.iter().map(ToString::to_string));
         assert_eq!(command, r"palpate evaluate --meshes 'my meshes' --objects can,box 'it'\''s'");
+    }
+
+    fn typed(args: &[&str]) -> Args {
+        #[derive(clap::Parser)]
+        struct Program {
+            #[command(flatten)]
+            args: Args,
+        }
+        <Program as clap::Parser>::parse_from([&["palpate"], args].concat()).args
+    }
+
+    #[tokio::test]
+    async fn an_evaluation_leaves_what_its_help_names() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().to_str().unwrap();
+        let what = ["--objects", "ball", "--methods", "palpate", "--strategies", "proactive"];
+        let how = ["--seeds", "1", "--attempts", "5", "--symmetry", "revolution", "--measured-normals"];
+        run(typed(&[&what[..], &how, &["--out", out]].concat())).await.unwrap();
+        let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
+        for name in ["runs.csv", "plots/generated-ball.svg", "plots/reliability.svg"] {
+            assert!(!read(name).is_empty(), "{name}");
+        }
+        assert!(folder.path().join("sessions.db").exists());
+        let table = read("table.md");
+        let row = "| true error within 2 sigma, mean of attempts 5 to 5 | palpate, proactive | ";
+        assert!(table.contains(row) && table.contains("### palpate, proactive"), "{table}");
+        let attempts = read("attempts.csv");
+        let shown: Vec<Vec<_>> =
+            attempts.lines().skip(1).map(|line| line.split(',').rev().take(2).collect()).collect();
+        assert_eq!(shown.len(), 6);
+        let share = |text: &str| (0.0..=1.0).contains(&text.parse::<f64>().unwrap());
+        for (attempt, cells) in shown.iter().enumerate() {
+            let [risk, within] = cells[..] else { panic!("two cells") };
+            assert!(if attempt == 0 { risk.is_empty() } else { share(risk) }, "{attempts}");
+            assert!(if attempt == 5 { share(within) } else { within.is_empty() }, "{attempts}");
+        }
+    }
+
+    #[test]
+    fn a_symmetry_is_declared_to_every_method_but_the_papers_which_refuses_one() {
+        let args = typed(&["--symmetry", "mirror", "--seeds", "1", "--measured-normals"]);
+        let objects = objects::load(None, 1.0, &["ball".to_owned()]).unwrap();
+        let cases = cases(&objects, &args);
+        assert_eq!(cases.len(), 4);
+        for (_, case, plan) in cases {
+            let declared = plan.session.config.unwrap().symmetry();
+            assert_eq!(declared == Symmetry::Mirror, case.method == "palpate", "{case:?}");
+            assert!(plan.probe.measures_normals);
+        }
     }
 
     #[test]

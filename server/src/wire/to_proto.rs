@@ -65,6 +65,7 @@ pub(crate) fn session_config(config: &Config, sensors: &[Sensor]) -> v1::Session
         strategy: used_strategy,
         alpha_geodesic,
         alpha_uncertainty,
+        alpha_travel,
         confident_max,
         candidate_min,
         visual_uncertainty,
@@ -83,7 +84,7 @@ pub(crate) fn session_config(config: &Config, sensors: &[Sensor]) -> v1::Session
         strategy: strategy(used_strategy).into(),
         alpha_geodesic: Some(alpha_geodesic),
         alpha_uncertainty: Some(alpha_uncertainty),
-        alpha_travel: Some(0.0),
+        alpha_travel: Some(alpha_travel),
         confident_max: Some(confident_max),
         candidate_min: Some(candidate_min),
         visual_uncertainty: Some(visual_uncertainty),
@@ -121,6 +122,7 @@ fn strategy(strategy: Strategy) -> v1::Strategy {
         Strategy::MinUncertainty => v1::Strategy::MinUncertainty,
         Strategy::Uniform => v1::Strategy::Uniform,
         Strategy::Random => v1::Strategy::Random,
+        Strategy::ExpectedGain => v1::Strategy::ExpectedGain,
     }
 }
 

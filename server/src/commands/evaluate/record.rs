@@ -2,10 +2,11 @@
 
 use std::path::Path;
 
-use palpate_core::metrics::Comparison;
+use palpate_core::metrics::{Comparison, StatedError};
 use serde::{Serialize, Serializer};
 
 use super::super::robot::{MethodName, StrategyName, name_of};
+use super::spread::Spread;
 use crate::cli::Failure;
 
 /// What is explored and how: one cell of the evaluation.
@@ -37,6 +38,19 @@ pub(super) struct AttemptRow {
     pub(super) mean_uncertainty: f64,
     pub(super) missed_so_far: u32,
     pub(super) early_so_far: u32,
+    /// Share of vertices whose error is within the stated two sigma; empty where it was not measured.
+    #[serde(serialize_with = "rounded_if_any")]
+    pub(super) within_2sigma: Option<f64>,
+    /// The risk of failure that was stated of the candidate that was tried; empty where none was.
+    #[serde(serialize_with = "rounded_if_any")]
+    pub(super) failure_risk: Option<f64>,
+}
+
+impl AttemptRow {
+    /// Whether the attempt failed.
+    pub(super) fn failed(&self) -> bool {
+        matches!(self.outcome, "miss" | "early")
+    }
 }
 
 /// One finished run.
@@ -47,7 +61,9 @@ pub(super) struct Run {
     /// Attempt 0 first.
     pub(super) attempts: Vec<AttemptRow>,
     pub(super) last: Comparison,
-    /// Share of vertices whose error is within the stated two sigma, where the method states any.
+    /// Each vertex of each estimate whose calibration was measured; empty if the method states no sigma.
+    pub(super) stated_errors: Vec<StatedError>,
+    /// The share of vertices within the stated two sigma in the last estimate, where any are stated.
     pub(super) calibration_2sigma: Option<f64>,
     /// Why the server stopped before the budget was spent; empty if it did not.
     pub(super) stopped_early: String,
@@ -66,11 +82,21 @@ impl Run {
     pub(super) fn early(&self) -> f64 {
         self.attempts.last().map_or(0.0, |row| f64::from(row.early_so_far))
     }
+
+    /// The share of vertices within the stated two sigma, as a mean over the attempts at which it was measured.
+    pub(super) fn within_2sigma(&self) -> Option<f64> {
+        Spread::of(self.attempts.iter().filter_map(|row| row.within_2sigma)).map(|spread| spread.mean)
+    }
 }
 
 /// Four digits after the point: a tenth of a micrometre, where the unit is a millimetre.
 fn rounded<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.serialize_f64((value * 1e4).round() / 1e4)
+}
+
+/// Six digits after the point, as the small ones among the risks matter; empty for none.
+fn rounded_if_any<S: Serializer>(value: &Option<f64>, serializer: S) -> Result<S::Ok, S::Error> {
+    value.map(|value| (value * 1e6).round() / 1e6).serialize(serializer)
 }
 
 /// Writes a line for every attempt of every run.
@@ -157,6 +183,8 @@ mod tests {
                 mean_uncertainty: 0.5,
                 missed_so_far: 2 * attempt,
                 early_so_far: attempt * seed as u32,
+                within_2sigma: None,
+                failure_risk: None,
             };
             let sum_m = 2e-3 * error_mm;
             Self {
@@ -171,6 +199,7 @@ mod tests {
                     volume_ratio: 1.0,
                     chamfer: Chamfer { sum_m, mean_m: 0.5 * sum_m },
                 },
+                stated_errors: Vec::new(),
                 calibration_2sigma: None,
                 stopped_early: String::new(),
             }
@@ -180,7 +209,9 @@ mod tests {
     #[test]
     fn files_have_a_header_and_a_line_for_each() {
         let folder = tempfile::tempdir().unwrap();
-        let runs = [1, 2].map(|seed| Run::example("lamp", StrategyName::Proactive, seed, 4.0));
+        let mut runs = [1, 2].map(|seed| Run::example("lamp", StrategyName::Proactive, seed, 4.0));
+        runs[1].attempts[1].within_2sigma = Some(0.9375);
+        runs[1].attempts[1].failure_risk = Some(0.000_123_4);
         let (attempts, all) = (folder.path().join("attempts.csv"), folder.path().join("runs.csv"));
         write_attempts(&runs, &attempts).unwrap();
         write_runs(&runs, &all).unwrap();
@@ -190,9 +221,10 @@ mod tests {
         assert_eq!(
             lines[0],
             "object,method,strategy,seed,attempt,outcome,surface_distance_mm,chamfer_sum_mm,\
-             mean_uncertainty,missed_so_far,early_so_far"
+             mean_uncertainty,missed_so_far,early_so_far,within_2sigma,failure_risk"
         );
-        assert_eq!(lines[4], "lamp,paper,proactive,2,1,miss,4.0,8.0,0.5,2,2");
+        assert_eq!(lines[2], "lamp,paper,proactive,1,1,miss,4.0,8.0,0.5,2,1,,", "nothing was stated");
+        assert_eq!(lines[4], "lamp,paper,proactive,2,1,miss,4.0,8.0,0.5,2,2,0.9375,0.000123");
         let all = std::fs::read_to_string(all).unwrap();
         let lines: Vec<_> = all.lines().collect();
         assert_eq!(lines.len(), 1 + 2);

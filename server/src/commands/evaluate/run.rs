@@ -3,15 +3,16 @@
 use std::sync::Arc;
 
 use palpate_client::Client;
-use palpate_client::proto::v1::StopReason;
+use palpate_client::proto::v1::{Candidate, StopReason};
 use palpate_core::geometry::TriangleMesh;
-use palpate_core::metrics::Reference;
+use palpate_core::metrics::{Reference, StatedError, coverage};
 use palpate_simulator::probe::Outcome;
-use palpate_simulator::robot::{Plan, Robot};
+use palpate_simulator::robot::{Estimate, Plan, Robot};
 
 use super::super::robot::outcome_name;
 use super::objects::EvaluatedObject;
 use super::record::{AttemptRow, Case, Run};
+use super::reliability::MEASURED_EVERY;
 use crate::cli::Failure;
 
 /// Explores once, from the view to the last attempt.
@@ -32,7 +33,10 @@ pub(super) async fn run(
         mean_uncertainty: robot.session().stats.as_ref().map_or(1.0, |stats| stats.mean_uncertainty),
         missed_so_far: 0,
         early_so_far: 0,
+        within_2sigma: None,
+        failure_risk: None,
     }];
+    let mut stated_errors = Vec::new();
     let (mut missed_so_far, mut early_so_far) = (0, 0);
     while let Some(attempt) = robot.step().await? {
         missed_so_far += u32::from(attempt.outcome == Outcome::Miss);
@@ -42,6 +46,12 @@ pub(super) async fn run(
         if estimate.mesh != before.mesh {
             errors = errors_mm(&object.reference, &estimate.mesh).await?;
         }
+        let mut within_2sigma = None;
+        if attempt.number.is_multiple_of(MEASURED_EVERY) && !estimate.std_m.is_empty() {
+            let stated = errors_beside_std(&object.reference, &estimate).await?;
+            within_2sigma = Some(coverage(&stated, 2.0));
+            stated_errors.extend(stated);
+        }
         attempts.push(AttemptRow {
             attempt: attempt.number,
             outcome: outcome_name(&attempt.outcome),
@@ -50,6 +60,8 @@ pub(super) async fn run(
             mean_uncertainty: attempt.mean_uncertainty,
             missed_so_far,
             early_so_far,
+            within_2sigma,
+            failure_risk: stated_risk(&attempt.candidate),
         });
     }
     let session = robot.session();
@@ -65,7 +77,7 @@ pub(super) async fn run(
         Ok::<_, Failure>((reference.compare(&estimate.mesh)?, calibration.transpose()?))
     })
     .await??;
-    Ok(Run { case, session_id, attempts, last, calibration_2sigma, stopped_early })
+    Ok(Run { case, session_id, attempts, last, stated_errors, calibration_2sigma, stopped_early })
 }
 
 struct ErrorsMm {
@@ -83,4 +95,32 @@ async fn errors_mm(reference: &Arc<Reference>, mesh: &TriangleMesh) -> Result<Er
         })
     })
     .await?
+}
+
+/// What the estimate says of each vertex beside the truth, off the async executor as well.
+async fn errors_beside_std(
+    reference: &Arc<Reference>,
+    estimate: &Estimate,
+) -> Result<Vec<StatedError>, Failure> {
+    let (reference, estimate) = (Arc::clone(reference), estimate.clone());
+    let measure = move || reference.stated_errors(&estimate.mesh, &estimate.std_m);
+    Ok(tokio::task::spawn_blocking(measure).await??)
+}
+
+/// The risk comes from the standard deviation: a method that states none leaves both at zero.
+fn stated_risk(candidate: &Candidate) -> Option<f64> {
+    (candidate.std_m > 0.0).then_some(candidate.failure_risk)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_risk_of_zero_is_told_from_one_that_was_not_stated() {
+        let candidate = |std_m, failure_risk| Candidate { std_m, failure_risk, ..Candidate::default() };
+        assert_eq!(stated_risk(&candidate(0.0, 0.0)), None);
+        assert_eq!(stated_risk(&candidate(0.000_1, 0.0)), Some(0.0));
+        assert_eq!(stated_risk(&candidate(0.01, 0.2)), Some(0.2));
+    }
 }

@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use super::paper;
 use super::record::Run;
+use super::reliability::{self, MEASURED_EVERY, Statements};
 use super::spread::Spread;
 
 /// What the tables are made of, besides the runs.
@@ -27,6 +28,8 @@ pub(super) struct Report<'a> {
     pub(super) chamfer_points: usize,
     /// All runs.
     pub(super) runs: &'a [Run],
+    /// What the methods stated in them.
+    pub(super) statements: &'a [Statements],
 }
 
 const NOTES: &str = "\
@@ -77,17 +80,20 @@ impl Report<'_> {
         self.rows(&mut text, "of these, early", 1, |run| Some(run.early()), nothing_published);
         text.push_str("\n## Surface distance and the other metrics\n\n");
         self.header(&mut text);
+        let calibration =
+            format!("true error within 2 sigma, mean of attempts {MEASURED_EVERY} to {}", self.attempts);
         let metrics: [(&str, usize, Metric); 6] = [
             ("surface distance, mm", 2, |run| Some(1e3 * run.last.surface_distance_m)),
             ("Hausdorff distance, mm", 1, |run| Some(1e3 * run.last.hausdorff_m)),
             ("F-score at 1 mm", 2, |run| Some(run.last.f_score_1mm)),
             ("coverage at 2 mm", 2, |run| Some(run.last.coverage)),
             ("volume, of the true one", 2, |run| Some(run.last.volume_ratio)),
-            ("true error within 2 sigma", 2, |run| run.calibration_2sigma),
+            (&calibration, 3, Run::within_2sigma),
         ];
         for (metric, digits, value) in metrics {
             self.rows(&mut text, metric, digits, value, nothing_published);
         }
+        text.push_str(&reliability::markdown(self.statements));
         text
     }
 
@@ -194,6 +200,7 @@ fn mean_of(values: &[Option<f64>], digits: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::super::super::robot::StrategyName;
+    use super::super::record::AttemptRow;
     use super::*;
 
     fn report(objects: &[(String, f64)], runs: &[Run]) -> String {
@@ -207,6 +214,7 @@ mod tests {
             seeds: 2,
             chamfer_points: 13_000,
             runs,
+            statements: &[],
         }
         .markdown()
     }
@@ -236,6 +244,19 @@ mod tests {
         }
         assert!(!text.contains("within 2 sigma"), "a metric that no run has is left out");
         assert!(text.contains("palpate evaluate --seeds 2\n"));
+    }
+
+    #[test]
+    fn calibration_is_the_mean_over_the_attempts_at_which_it_was_measured() {
+        let mut run = Run::example("lamp", StrategyName::Proactive, 1, 1.0);
+        let measured = run.attempts[1].clone();
+        run.attempts
+            .extend([0.9, 0.94].map(|share| AttemptRow { within_2sigma: Some(share), ..measured.clone() }));
+        run.calibration_2sigma = Some(1.0);
+        let text = report(&[("lamp".to_owned(), 1.05)], &[run]);
+        let row =
+            "| true error within 2 sigma, mean of attempts 5 to 50 | paper, proactive | 0.920 | 0.920 |";
+        assert!(text.contains(row), "{text}");
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use clap::ValueEnum;
-use palpate_client::proto::v1::{CreateSessionRequest, Method, SessionConfig, StopRule, Strategy};
+use palpate_client::proto::v1::{CreateSessionRequest, Method, SessionConfig, StopRule, Strategy, Symmetry};
 use palpate_simulator::body::Body;
 use palpate_simulator::probe::ProbeSettings;
 use palpate_simulator::robot::Plan;
@@ -58,12 +58,16 @@ pub(in crate::commands) struct SessionArgs {
     #[arg(long, value_enum)]
     pub(in crate::commands) method: Option<MethodName>,
 
+    /// What is known of the object's symmetry beforehand; the method `paper` refuses one.
+    #[arg(long, value_enum)]
+    pub(in crate::commands) symmetry: Option<SymmetryName>,
+
     /// Decides the view, the offsets on the pad and all noise: the same seed gives the same run.
     #[arg(long, default_value_t = 1)]
     pub(in crate::commands) seed: u64,
 }
 
-/// How badly the robot measures; exactly, unless told otherwise.
+/// What the robot measures, and how badly; exactly, unless told otherwise.
 #[derive(Clone, Copy, Debug, clap::Args)]
 #[command(next_help_heading = "Sensors")]
 pub(in crate::commands) struct NoiseArgs {
@@ -75,12 +79,18 @@ pub(in crate::commands) struct NoiseArgs {
     #[arg(long, value_name = "MM", default_value_t = 0.0, value_parser = not_negative)]
     tactile_noise_mm: f64,
 
-    /// Report the normal of the touched surface with every contact.
+    /// Measure the normal of the touched surface too, and report it with every contact.
     #[arg(long)]
-    normals: bool,
+    measured_normals: bool,
 
-    /// Standard deviation of the reported normals about each tangent.
-    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, value_parser = not_negative, requires = "normals")]
+    /// Standard deviation of a measured normal about each of its two tangents.
+    #[arg(
+        long,
+        value_name = "DEGREES",
+        default_value_t = 5.0,
+        value_parser = not_negative,
+        requires = "measured_normals"
+    )]
     normal_noise_deg: f64,
 }
 
@@ -138,6 +148,25 @@ impl MethodName {
     }
 }
 
+/// The symmetries that a caller can declare, by the names of the wire contract.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[value(rename_all = "snake_case")]
+pub(in crate::commands) enum SymmetryName {
+    /// A surface of revolution about some axis.
+    Revolution,
+    /// A mirror image of itself in some plane.
+    Mirror,
+}
+
+impl SymmetryName {
+    fn to_wire(self) -> Symmetry {
+        match self {
+            Self::Revolution => Symmetry::Revolution,
+            Self::Mirror => Symmetry::Mirror,
+        }
+    }
+}
+
 /// The name of a value as it is typed.
 pub(in crate::commands) fn name_of(value: &impl ValueEnum) -> String {
     value.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default()
@@ -158,6 +187,9 @@ pub(in crate::commands) fn plan(
     if let Some(method) = &session.method {
         labels.insert("method".to_owned(), name_of(method));
     }
+    if let Some(symmetry) = &session.symmetry {
+        labels.insert("symmetry".to_owned(), name_of(symmetry));
+    }
     Plan {
         session: CreateSessionRequest {
             display_name: object.to_owned(),
@@ -167,6 +199,7 @@ pub(in crate::commands) fn plan(
             config: Some(SessionConfig {
                 method: session.method.map_or(Method::Unspecified, MethodName::to_wire).into(),
                 strategy: session.strategy.to_wire().into(),
+                symmetry: session.symmetry.map_or(Symmetry::Unspecified, SymmetryName::to_wire).into(),
                 seed: Some(session.seed),
                 stop: Some(StopRule { max_attempts: Some(session.attempts), ..StopRule::default() }),
                 ..SessionConfig::default()
@@ -178,7 +211,7 @@ pub(in crate::commands) fn plan(
         depth_noise_m: noise.depth_noise_mm * 1e-3,
         probe: ProbeSettings {
             tactile_noise_m: noise.tactile_noise_mm * 1e-3,
-            measures_normals: noise.normals,
+            measures_normals: noise.measured_normals,
             normal_noise_rad: noise.normal_noise_deg.to_radians(),
         },
     }
@@ -199,6 +232,37 @@ mod tests {
             let wire = format!("METHOD_{}", name_of(method).to_uppercase());
             assert_eq!(method.to_wire().as_str_name(), wire);
         }
+        for symmetry in SymmetryName::value_variants() {
+            let wire = format!("SYMMETRY_{}", name_of(symmetry).to_uppercase());
+            assert_eq!(symmetry.to_wire().as_str_name(), wire);
+        }
+    }
+
+    #[test]
+    fn what_the_caller_knows_is_declared_and_what_the_robot_measures_is_set() {
+        #[derive(clap::Parser)]
+        struct Program {
+            #[command(flatten)]
+            session: SessionArgs,
+            #[command(flatten)]
+            noise: NoiseArgs,
+        }
+        let planned = |args: &[&str]| {
+            let program = <Program as clap::Parser>::try_parse_from([&["palpate"], args].concat());
+            program.map(|Program { session, noise }| plan("can", "test", &session, &noise))
+        };
+        let known = planned(&["--symmetry", "revolution", "--measured-normals"]).unwrap();
+        assert_eq!(known.session.config.unwrap().symmetry(), Symmetry::Revolution);
+        assert_eq!(known.session.labels["symmetry"], "revolution");
+        assert!(known.probe.measures_normals);
+        assert!((known.probe.normal_noise_rad - 5.0_f64.to_radians()).abs() < 1e-15);
+        let exact = planned(&["--measured-normals", "--normal-noise-deg", "0"]).unwrap();
+        assert_eq!(exact.probe.normal_noise_rad, 0.0);
+        let nothing = planned(&[]).unwrap();
+        assert_eq!(nothing.session.config.unwrap().symmetry(), Symmetry::Unspecified);
+        assert!(!nothing.probe.measures_normals && !nothing.session.labels.contains_key("symmetry"));
+        let alone = planned(&["--normal-noise-deg", "3"]).unwrap_err().to_string();
+        assert!(alone.contains("--measured-normals"), "{alone}");
     }
 
     #[test]

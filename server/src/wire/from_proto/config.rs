@@ -32,13 +32,13 @@ pub(super) fn config(config: &v1::SessionConfig, limits: &Limits) -> Result<(Con
         stop: ref stop_rule,
         symmetry: declared_symmetry,
     } = config;
-    check_travel(alpha_travel)?;
     let default = Settings::default();
     let settings = Settings {
         method: method(wanted_method)?,
         strategy: strategy(wanted_strategy)?,
         alpha_geodesic: alpha_geodesic.unwrap_or(default.alpha_geodesic),
         alpha_uncertainty: alpha_uncertainty.unwrap_or(default.alpha_uncertainty),
+        alpha_travel: alpha_travel.unwrap_or(default.alpha_travel),
         confident_max: confident_max.unwrap_or(default.confident_max),
         candidate_min: candidate_min.unwrap_or(default.candidate_min),
         visual_uncertainty: visual_uncertainty.unwrap_or(default.visual_uncertainty),
@@ -71,7 +71,7 @@ fn strategy(value: i32) -> Result<Strategy, Error> {
         Ok(v1::Strategy::MinUncertainty) => Ok(Strategy::MinUncertainty),
         Ok(v1::Strategy::Uniform) => Ok(Strategy::Uniform),
         Ok(v1::Strategy::Random) => Ok(Strategy::Random),
-        Ok(v1::Strategy::ExpectedGain) => Err(Error::unimplemented("config.strategy STRATEGY_EXPECTED_GAIN")),
+        Ok(v1::Strategy::ExpectedGain) => Ok(Strategy::ExpectedGain),
         Err(_) => Err(Error::field("config.strategy", format!("{value} is no strategy"))),
     }
 }
@@ -79,20 +79,6 @@ fn strategy(value: i32) -> Result<Strategy, Error> {
 fn stop(rule: &v1::StopRule) -> StopRule {
     let &v1::StopRule { max_attempts, mean_uncertainty_below, max_consecutive_failures } = rule;
     StopRule { max_attempts, mean_uncertainty_below, max_consecutive_failures }
-}
-
-/// A weight of zero is what this version does; any other would be ignored in silence.
-fn check_travel(alpha_travel: Option<f64>) -> Result<(), Error> {
-    match alpha_travel {
-        None | Some(0.0) => Ok(()),
-        Some(weight) if !weight.is_finite() => {
-            Err(non_finite("config.alpha_travel", format!("{weight} is not finite")))
-        }
-        Some(weight) if weight < 0.0 => {
-            Err(Error::field("config.alpha_travel", format!("{weight} is negative")))
-        }
-        Some(_) => Err(Error::unimplemented("config.alpha_travel other than 0")),
-    }
 }
 
 fn symmetry(value: i32) -> Result<Option<Symmetry>, Error> {

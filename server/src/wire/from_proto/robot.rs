@@ -28,13 +28,11 @@ pub(crate) fn exploration_request(
         return Err(Error::field(top_k_field, description));
     }
     let Some(v1::RobotContext { robot_id, tool_pose, keep_out: regions }) = robot else {
-        return Ok(Request { top_k: top_k as usize, keep_out: Vec::new() });
+        return Ok(Request { top_k: top_k as usize, ..Request::default() });
     };
     check_text(&format!("{robot_field}.robot_id"), robot_id, limits.name_bytes)?;
-    // The travel term, which would be measured from here, has weight zero in this version.
-    if tool_pose.is_some() {
-        pose(&format!("{robot_field}.tool_pose"), tool_pose.as_ref())?;
-    }
+    let tool_field = format!("{robot_field}.tool_pose");
+    let tool_pose = tool_pose.as_ref().map(|tool| pose(&tool_field, Some(tool))).transpose()?;
     if regions.len() > limits.keep_out {
         let description = format!("{} regions are more than the limit of {}", regions.len(), limits.keep_out);
         return Err(Error::field(format!("{robot_field}.keep_out"), description));
@@ -43,7 +41,11 @@ pub(crate) fn exploration_request(
     let keep_out = regions
         .map(|(index, region)| keep_out(&format!("{robot_field}.keep_out[{index}]"), region))
         .collect::<Result<_, _>>()?;
-    Ok(Request { top_k: top_k as usize, keep_out })
+    Ok(Request {
+        top_k: top_k as usize,
+        keep_out,
+        tool: tool_pose.map(|tool| tool.translation.vector.into()),
+    })
 }
 
 fn keep_out(path: &str, region: &v1::KeepOut) -> Result<KeepOut, Error> {

@@ -1,0 +1,39 @@
+//! What has failed is left alone for a while, and its surroundings attract less.
+//!
+//! A failed candidate is taboo until three later contacts have succeeded: the estimate has hardly
+//! changed, and the same choice would fail for ever.
+
+use super::{ScoreTerm, View};
+
+/// Candidates this close to a failed one are taboo, in metres.
+const TABOO_RADIUS_M: f64 = 0.010;
+/// Until this many later contacts have succeeded.
+const TABOO_CONTACTS: u32 = 3;
+/// A failure makes its surroundings less attractive over this distance, in metres.
+const FAILURE_RADIUS_M: f64 = 0.035;
+
+/// Whether a candidate close by failed and too little has been learnt since.
+pub(super) fn is_taboo(view: &View<'_>, vertex: u32) -> bool {
+    let point = &view.mesh.vertices[vertex as usize];
+    let contacts = view.ledger.tallies.contacts;
+    view.ledger.failures.iter().any(|failure| {
+        contacts < failure.contacts_before + TABOO_CONTACTS && (failure.point - point).norm() < TABOO_RADIUS_M
+    })
+}
+
+/// The vertices that are not taboo, and how many are.
+pub(super) fn leave_out_taboo(view: &View<'_>, vertices: &[u32]) -> (Vec<u32>, u32) {
+    let free: Vec<u32> = vertices.iter().copied().filter(|&vertex| !is_taboo(view, vertex)).collect();
+    let taboo = (vertices.len() - free.len()) as u32;
+    (free, taboo)
+}
+
+/// The term for past failures, each counted by its nearness: the estimate is less to be trusted
+/// around them.
+pub(super) fn term(view: &View<'_>, vertex: u32) -> ScoreTerm {
+    let point = &view.mesh.vertices[vertex as usize];
+    let nearness = |square_m2: f64| (-square_m2 / (2.0 * FAILURE_RADIUS_M.powi(2))).exp();
+    let failures = view.ledger.failures.iter();
+    let value = failures.map(|failure| nearness((failure.point - point).norm_squared())).sum();
+    ScoreTerm { term: "failures", weight: -1.0, value }
+}

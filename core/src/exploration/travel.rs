@@ -1,0 +1,34 @@
+//! The way from the tool to where an approach starts: of two touches that teach as much, the
+//! nearer one is sooner done.
+
+use super::{Request, ScoreTerm, View};
+use crate::geometry::Point;
+
+/// The cost of getting to a vertex.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Travel {
+    tool: Point,
+    /// The diagonal of the object's bounding box, in metres: what ways are measured in, so that
+    /// one weight suits a strawberry and a bottle.
+    size_m: f64,
+    weight: f64,
+}
+
+impl Travel {
+    /// Nothing where no tool was given or no weight was configured.
+    pub(super) fn new(view: &View<'_>, request: &Request) -> Option<Self> {
+        let weight = view.config.alpha_travel;
+        let tool = request.tool.filter(|_| weight > 0.0)?;
+        let vertices = &view.mesh.vertices;
+        let (low, high) = vertices
+            .iter()
+            .fold((vertices[0], vertices[0]), |(low, high), vertex| (low.inf(vertex), high.sup(vertex)));
+        Some(Self { tool, size_m: (high - low).norm(), weight })
+    }
+
+    /// The term of a vertex: the way to the start of its approach, counted against it.
+    pub(super) fn term(&self, view: &View<'_>, vertex: u32) -> ScoreTerm {
+        let (start, _) = view.probe_way(vertex as usize);
+        ScoreTerm { term: "travel", weight: self.weight, value: -(start - self.tool).norm() / self.size_m }
+    }
+}
