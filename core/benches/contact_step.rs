@@ -140,6 +140,7 @@ fn stages(criterion: &mut Criterion) {
                 &mesh.vertices,
                 &attractors,
                 Reach { hops: 5, length_m: 0.02 },
+                |_| 1.0,
             ));
         });
         bench("propose", &mut || {

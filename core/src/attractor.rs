@@ -11,6 +11,8 @@ pub enum Sense {
     Vision,
     /// The tactile pad.
     Touch,
+    /// Not touched itself, but next to a touch, on the plane that its measured normal tells of.
+    Tangent,
 }
 
 /// A measured point of the object's surface.

@@ -4,6 +4,8 @@
 //! sides of a thin plate do not pull each other. Far from all evidence the displacement returns to
 //! zero, the template itself: nothing is extrapolated without bound, as a thin plate does.
 
+use std::sync::Arc;
+
 use faer::linalg::solvers::Solve;
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Col, Mat, Par, Side};
@@ -42,11 +44,44 @@ pub struct Prior {
 }
 
 impl Prior {
-    /// Variance in the share of one kernel, in square metres.
-    fn variances(&self) -> (f64, f64) {
+    /// The shares of the variance that are a place's own and that of all places alike.
+    fn shares(&self) -> (f64, f64) {
         let share = if self.fold.symmetry == Symmetry::None { 0.0 } else { SHARE };
-        let variance = self.amplitude_m * self.amplitude_m;
-        ((1.0 - share) * variance, share * variance)
+        (1.0 - share, share)
+    }
+
+    /// The same as variances, in square metres.
+    fn variances(&self) -> (f64, f64) {
+        let (own, shared) = self.shares();
+        (own * self.amplitude_m.powi(2), shared * self.amplitude_m.powi(2))
+    }
+}
+
+/// The places of some measurements and how alike they are: it depends neither on how large
+/// displacements are nor on how noisy the measurements.
+#[derive(Debug)]
+struct Gram {
+    places: Vec<Place>,
+    folded: Vec<Place>,
+    /// Correlations, of which the lower triangle is filled.
+    correlation: Mat<f64>,
+}
+
+impl Gram {
+    fn new(prior: &Prior, observations: &[Observation]) -> Self {
+        let places: Vec<Place> = observations.iter().map(|o| o.place).collect();
+        let folded: Vec<Place> = places.iter().map(|place| prior.fold.apply(place)).collect();
+        let (own, shared) = prior.shares();
+        let mut correlation = Mat::zeros(places.len(), places.len());
+        for row in 0..places.len() {
+            for column in 0..=row {
+                let alike =
+                    if shared > 0.0 { kernel(&folded[row], &folded[column], prior.length_m) } else { 0.0 };
+                correlation[(row, column)] =
+                    own * kernel(&places[row], &places[column], prior.length_m) + shared * alike;
+            }
+        }
+        Self { places, folded, correlation }
     }
 }
 
@@ -54,8 +89,7 @@ impl Prior {
 #[derive(Clone, Debug)]
 pub struct Displacement {
     prior: Prior,
-    places: Vec<Place>,
-    folded: Vec<Place>,
+    gram: Arc<Gram>,
     weights: Vec<f64>,
     factor: Mat<f64>,
     surprise: f64,
@@ -64,29 +98,31 @@ pub struct Displacement {
 impl Displacement {
     /// Conditions the process on measurements.
     pub fn fit(prior: Prior, observations: &[Observation]) -> Self {
+        Self::conditioned(prior, Arc::new(Gram::new(&prior, observations)), observations)
+    }
+
+    /// The same process for displacements of another size, or for measurements at the same places
+    /// with another noise.
+    pub fn refit(&self, amplitude_m: f64, observations: &[Observation]) -> Self {
+        Self::conditioned(Prior { amplitude_m, ..self.prior }, Arc::clone(&self.gram), observations)
+    }
+
+    fn conditioned(prior: Prior, gram: Arc<Gram>, observations: &[Observation]) -> Self {
         let count = observations.len();
-        let places: Vec<Place> = observations.iter().map(|o| o.place).collect();
-        let folded: Vec<Place> = places.iter().map(|place| prior.fold.apply(place)).collect();
-        let (own, shared) = prior.variances();
-        let covariance = |a: usize, b: usize| {
-            let shared =
-                if shared > 0.0 { shared * kernel(&folded[a], &folded[b], prior.length_m) } else { 0.0 };
-            own * kernel(&places[a], &places[b], prior.length_m) + shared
-        };
+        let variance = prior.amplitude_m * prior.amplitude_m;
         let mut system = Mat::zeros(count, count);
-        for row in 0..count {
-            for column in 0..row {
-                system[(row, column)] = covariance(row, column);
+        for column in 0..count {
+            for row in column..count {
+                system[(row, column)] = variance * gram.correlation[(row, column)];
             }
-            system[(row, row)] = covariance(row, row) + observations[row].noise_m.powi(2) + JITTER;
+            system[(column, column)] += observations[column].noise_m.powi(2) + JITTER;
         }
         let factor = system.llt(Side::Lower).expect("a kernel matrix with noise is positive definite");
         let measured = Col::from_fn(count, |row| observations[row].displacement_m);
         let solution = factor.solve(&measured);
         Self {
             prior,
-            places,
-            folded,
+            gram,
             weights: solution.iter().copied().collect(),
             factor: factor.L().to_owned(),
             surprise: measured.iter().zip(solution.iter()).map(|(d, w)| d * w).sum(),
@@ -117,6 +153,14 @@ impl Displacement {
         (left.map(|m| m * m).sum::<f64>() / observations.len().max(1) as f64).sqrt()
     }
 
+    /// How far each measurement is from what all others foresee, in metres.
+    pub fn left_out_m(&self) -> Vec<f64> {
+        let count = self.weights.len();
+        let mut inverse = Mat::<f64>::identity(count, count);
+        solve_lower_triangular_in_place(self.factor.as_ref(), inverse.as_mut(), Par::Seq);
+        (0..count).map(|k| self.weights[k] / inverse.col(k).squared_norm_l2()).collect()
+    }
+
     /// A lower bound of the condition number, from the extreme pivots.
     pub fn condition(&self) -> f64 {
         let pivots = self.factor.diagonal().column_vector();
@@ -131,11 +175,11 @@ impl Displacement {
         let folded = self.prior.fold.apply(place);
         let covariance = |k: usize| {
             let alike = if shared > 0.0 {
-                shared * kernel(&folded, &self.folded[k], self.prior.length_m)
+                shared * kernel(&folded, &self.gram.folded[k], self.prior.length_m)
             } else {
                 0.0
             };
-            own * kernel(place, &self.places[k], self.prior.length_m) + alike
+            own * kernel(place, &self.gram.places[k], self.prior.length_m) + alike
         };
         (0..self.weights.len()).map(|k| self.weights[k] * covariance(k)).sum()
     }
@@ -156,7 +200,7 @@ impl Displacement {
             covariance
         };
         let explained = |places: &[Place]| {
-            let mut cross = before(&self.places, &self.folded, places);
+            let mut cross = before(&self.gram.places, &self.gram.folded, places);
             solve_lower_triangular_in_place(self.factor.as_ref(), cross.as_mut(), Par::Seq);
             cross
         };
@@ -167,11 +211,11 @@ impl Displacement {
     pub fn predict(&self, points: &[Point], normals: &[Direction]) -> (Vec<f64>, Vec<f64>) {
         let places: Vec<Place> = points.iter().zip(normals).map(|(p, n)| Place::new(p, n)).collect();
         let (own, shared) = self.prior.variances();
-        let mut cross = Mat::zeros(self.places.len(), places.len());
-        add_covariances(&mut cross, &self.places, &places, self.prior.length_m, own);
+        let mut cross = Mat::zeros(self.gram.places.len(), places.len());
+        add_covariances(&mut cross, &self.gram.places, &places, self.prior.length_m, own);
         if shared > 0.0 {
             let folded: Vec<Place> = places.iter().map(|place| self.prior.fold.apply(place)).collect();
-            add_covariances(&mut cross, &self.folded, &folded, self.prior.length_m, shared);
+            add_covariances(&mut cross, &self.gram.folded, &folded, self.prior.length_m, shared);
         }
         let mean = |column: usize| cross.col(column).iter().zip(&self.weights).map(|(k, w)| k * w).sum();
         let means = (0..places.len()).map(mean).collect();
@@ -301,6 +345,28 @@ mod tests {
                 assert!((covariance[(row, 7)] - covariance[(7, row)]).abs() < 1e-15);
             }
         }
+    }
+
+    #[test]
+    fn what_others_foresee_is_what_a_fit_without_a_measurement_says() {
+        let mut seen: Vec<Observation> =
+            sphere().1.iter().step_by(60).map(|d| observation(d, 0.003 * d.x)).collect();
+        let process = Displacement::fit(prior(Symmetry::None), &seen);
+        let off_m = process.left_out_m()[3];
+        let left_out = seen.remove(3);
+        let foreseen_m = Displacement::fit(prior(Symmetry::None), &seen).mean_m(&left_out.place);
+        assert!((off_m - (left_out.displacement_m - foreseen_m)).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_refit_is_a_fit() {
+        let seen: Vec<Observation> =
+            sphere().1.iter().step_by(60).map(|d| observation(d, 0.003 * d.x)).collect();
+        let noisier: Vec<Observation> = seen.iter().map(|o| Observation { noise_m: 0.001, ..*o }).collect();
+        let larger = Prior { amplitude_m: 0.02, ..prior(Symmetry::Revolution(0)) };
+        let fresh = Displacement::fit(larger, &noisier);
+        let again = Displacement::fit(prior(Symmetry::Revolution(0)), &seen).refit(0.02, &noisier);
+        assert_eq!((fresh.evidence(), &fresh.weights), (again.evidence(), &again.weights));
     }
 
     #[test]

@@ -29,6 +29,15 @@ impl<const N: usize> NormalEquations<N> {
         self.hessian.ger(1.0, row, row, 1.0);
     }
 
+    /// The same where only steps within a subspace are allowed, given by its projection.
+    pub(crate) fn within(self, subspace: &SMatrix<f64, N, N>) -> Self {
+        Self {
+            cost: self.cost,
+            gradient: subspace * self.gradient,
+            hessian: subspace * self.hessian * subspace,
+        }
+    }
+
     /// Adds one residual with Huber's loss: squared up to `threshold`, linear beyond it.
     pub(crate) fn add_huber(&mut self, residual: f64, row: &SVector<f64, N>, weight: f64, threshold: f64) {
         let size = residual.abs();

@@ -6,6 +6,7 @@ use crate::error::Error;
 use crate::evidence::{Attempt, Contact, Evidence, Outcome, VisualPrior};
 use crate::free_space::FreeSpace;
 use crate::geometry::Point;
+use crate::tangent;
 
 /// An attempt that did not end in a touch where the estimate expected one.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,6 +50,8 @@ impl Tallies {
 pub struct Ledger {
     /// What pulls the surface, in the order of its arrival.
     pub attractors: Vec<Attractor>,
+    /// What measured normals say about the surface around their touches.
+    pub tangents: Vec<Attractor>,
     /// Where the camera stood for the first cloud that says so, in metres.
     pub viewpoint: Option<Point>,
     /// Failed attempts, in the order of their arrival.
@@ -127,6 +130,8 @@ impl Ledger {
         let is_early = off_m > config.failure_distance_m;
         if !is_early || learns_from_failures(config) {
             self.attractors.push(Attractor { point: contact.point(), uncertainty, sense: Sense::Touch });
+            let around = |normal| tangent::around(&contact.point(), normal, uncertainty);
+            self.tangents.extend(contact.normal().into_iter().flat_map(around));
         }
         if is_early {
             self.tallies.early_contacts += 1;

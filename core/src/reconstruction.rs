@@ -14,13 +14,14 @@ use crate::evidence::Evidence;
 use crate::exploration::{self, Proposal, Request, View};
 use crate::geometry::{Direction, Icosphere, Point, TriangleMesh};
 use crate::ledger::Ledger;
+use crate::process_choice::Choice;
 pub use crate::summary::{Stats, StopReason};
 use crate::template::selection::SelectedFit;
 use crate::template::{Ellipsoid, TemplateFit};
 use crate::uncertainty::Reach;
 
 /// Changes with every change of a result: a stored state hash holds for one version only.
-pub const ALGORITHM_VERSION: &str = "1";
+pub const ALGORITHM_VERSION: &str = "2";
 
 /// A session's state: its evidence, and the estimate that follows from it.
 #[derive(Clone, Debug)]
@@ -42,6 +43,7 @@ pub struct Estimate {
     reach: Reach,
     normals: Vec<Direction>,
     process: Option<VertexProcess>,
+    choice: Option<Choice>,
 }
 
 /// The template of a method, with how its fit went.
@@ -208,12 +210,12 @@ impl Reconstruction {
 impl Estimate {
     fn new(template: Template, local: LocalReport, surface: Surface, reach: Reach) -> Self {
         let normals = surface.mesh.vertex_normals();
-        Self { template, local, surface, reach, normals, process: None }
+        Self { template, local, surface, reach, normals, process: None, choice: None }
     }
 
-    /// The same with the process that the surface's deviations come from.
-    fn with_process(self, process: VertexProcess) -> Self {
-        Self { process: Some(process), ..self }
+    /// The same with the process that the surface's deviations come from, and how it was chosen.
+    fn with_process(self, process: VertexProcess, choice: Choice) -> Self {
+        Self { process: Some(process), choice: Some(choice), ..self }
     }
 
     /// The farthest that this surface lies from another along its normals, in metres.

@@ -6,10 +6,16 @@
 //! template selection that the paper leaves to the future.
 
 pub mod compound;
+pub mod covariance;
 pub mod ellipsoid;
+mod fit_data;
+mod limb;
 mod part;
 pub mod selection;
+mod split;
+mod starts;
 pub mod superquadric;
+mod union;
 
 use nalgebra::Matrix3;
 

@@ -7,9 +7,12 @@
 
 use crate::attractor::Attractor;
 use crate::geometry::{Icosphere, Point};
+use crate::symmetry::Place;
 
 /// Vertices of the mesh for which the paper counts edges.
 const REFERENCE_VERTICES: f64 = 2562.0;
+/// The share of its confidence that a place lends to those that a symmetry makes like it.
+const BY_SYMMETRY: f64 = 0.5;
 
 /// How far an attractor's confidence spreads.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,21 +28,69 @@ pub fn scaled_hops(hops: u32, vertices: usize) -> usize {
     (f64::from(hops) * (vertices as f64 / REFERENCE_VERTICES).sqrt()).round().max(1.0) as usize
 }
 
+impl Reach {
+    /// Uncertainty at a distance in metres from something of uncertainty `u`.
+    fn spread(&self, u: f64, distance_m: f64) -> f64 {
+        let t = distance_m / self.length_m;
+        1.0 - (1.0 - u) / (1.0 + t * t)
+    }
+
+    /// The same over a share of the length.
+    fn shortened(self, share: f64) -> Self {
+        Self { length_m: self.length_m * share, ..self }
+    }
+}
+
 /// The uncertainty of every vertex, in [0, 1]; always computed afresh from all attractors.
-pub fn propagate(sphere: &Icosphere, vertices: &[Point], attractors: &[Attractor], reach: Reach) -> Vec<f64> {
+/// `share` is the share of the length over which an attractor, by its index, spreads.
+pub fn propagate(
+    sphere: &Icosphere,
+    vertices: &[Point],
+    attractors: &[Attractor],
+    reach: Reach,
+    share: impl Fn(usize) -> f64,
+) -> Vec<f64> {
     let hops = scaled_hops(reach.hops, vertices.len());
     let mut uncertainty = vec![1.0_f64; vertices.len()];
     let mut ring = Ring::new(vertices.len());
-    for attractor in attractors {
+    for (index, attractor) in attractors.iter().enumerate() {
         let Some(nearest) = nearest_vertex(vertices, &attractor.point) else { continue };
+        let reach = reach.shortened(share(index));
         for &vertex in ring.around(sphere, nearest, hops) {
-            let t = (vertices[vertex as usize] - attractor.point).norm() / reach.length_m;
-            let u = 1.0 - (1.0 - attractor.uncertainty) / (1.0 + t * t);
+            let distance_m = (vertices[vertex as usize] - attractor.point).norm();
+            let u = reach.spread(attractor.uncertainty, distance_m);
             let least = &mut uncertainty[vertex as usize];
             *least = least.min(u);
         }
     }
     uncertainty
+}
+
+/// Lowers the uncertainty of places that a symmetry makes like known ones. `folded` are the
+/// vertices' places after folding; `share` as for [`propagate`].
+///
+/// Symmetry alone never makes a place confident: it only lets others go first.
+pub fn propagate_by_symmetry(
+    uncertainty: &mut [f64],
+    vertices: &[Point],
+    folded: &[Place],
+    (attractors, reach): (&[Attractor], Reach),
+    share: impl Fn(usize) -> f64,
+) {
+    let known: Vec<(&Place, f64, Reach)> = attractors
+        .iter()
+        .enumerate()
+        .filter_map(|(index, a)| {
+            let place = &folded[nearest_vertex(vertices, &a.point)? as usize];
+            Some((place, a.uncertainty, reach.shortened(share(index))))
+        })
+        .collect();
+    for (u, place) in uncertainty.iter_mut().zip(folded) {
+        for (other, at, reach) in &known {
+            let confidence = 1.0 - reach.spread(*at, (place.point - other.point).norm());
+            *u = u.min(1.0 - BY_SYMMETRY * other.normal.dot(&place.normal).max(0.0) * confidence);
+        }
+    }
 }
 
 /// The index of the vertex nearest to a point.
@@ -115,6 +166,7 @@ impl Ring {
 mod tests {
     use super::*;
     use crate::attractor::Sense;
+    use crate::symmetry::{Fold, Symmetry};
     use proptest::prelude::*;
 
     const REACH: Reach = Reach { hops: 5, length_m: 0.02 };
@@ -131,7 +183,7 @@ mod tests {
     fn confidence_halves_at_one_length_and_ends_at_the_ring() {
         let vertices = sphere_vertices(0.05);
         let at = attractor(vertices[0], 0.0);
-        let u = propagate(Icosphere::get(4), &vertices, &[at], REACH);
+        let u = propagate(Icosphere::get(4), &vertices, &[at], REACH, |_| 1.0);
         assert_eq!(u[0], 0.0);
         for (vertex, u) in vertices.iter().zip(&u).filter(|(_, u)| **u < 1.0) {
             let t = (vertex - vertices[0]).norm() / 0.02;
@@ -154,6 +206,30 @@ mod tests {
         assert_eq!(scaled_hops(1, 162), 1);
     }
 
+    #[test]
+    fn symmetry_lowers_uncertainty_by_half_at_most() {
+        let vertices = sphere_vertices(0.05);
+        let sphere = Icosphere::get(4);
+        let at = [attractor(vertices[0], 0.0)];
+        let fold = Fold {
+            centre: Point::origin(),
+            axes: nalgebra::Rotation3::identity(),
+            symmetry: Symmetry::Mirror([true, true, true]),
+        };
+        let folded: Vec<Place> = vertices
+            .iter()
+            .zip(&sphere.directions)
+            .map(|(point, normal)| fold.apply(&Place::new(point, normal)))
+            .collect();
+        let before = propagate(sphere, &vertices, &at, REACH, |_| 1.0);
+        let mut after = before.clone();
+        propagate_by_symmetry(&mut after, &vertices, &folded, (&at, REACH), |_| 1.0);
+        let opposite = nearest_vertex(&vertices, &Point::from(-vertices[0].coords)).unwrap() as usize;
+        assert_eq!((before[opposite], after[0]), (1.0, 0.0));
+        assert!((after[opposite] - (1.0 - BY_SYMMETRY)).abs() < 1e-9);
+        assert!(after.iter().zip(&before).all(|(after, before)| after <= before));
+    }
+
     proptest! {
         #[test]
         fn uncertainty_stays_in_bounds_and_evidence_never_raises_it(
@@ -169,7 +245,7 @@ mod tests {
             let sphere = Icosphere::get(4);
             let mut before = vec![1.0; vertices.len()];
             for count in 1..=attractors.len() {
-                let after = propagate(sphere, &vertices, &attractors[..count], REACH);
+                let after = propagate(sphere, &vertices, &attractors[..count], REACH, |_| 1.0);
                 for (before, after) in before.iter().zip(&after) {
                     prop_assert!((0.0..=1.0).contains(after) && after <= before);
                 }

@@ -70,7 +70,7 @@ impl Reference {
     }
 
     fn uncertainty(&self, mesh: &TriangleMesh) -> Vec<f64> {
-        uncertainty::propagate(Icosphere::get(4), &mesh.vertices, &self.attractors, REACH)
+        uncertainty::propagate(Icosphere::get(4), &mesh.vertices, &self.attractors, REACH, |_| 1.0)
     }
 
     /// Our vertices at the directions of the reference's.

@@ -40,7 +40,7 @@ pub(super) fn estimate(
         hops: config.propagation_hops.unwrap_or(HOPS),
         length_m: config.propagation_length_m.unwrap_or(LENGTH_M),
     };
-    let uncertainty = uncertainty::propagate(sphere, &mesh.vertices, attractors, reach);
+    let uncertainty = uncertainty::propagate(sphere, &mesh.vertices, attractors, reach, |_| 1.0);
 
     let local = LocalReport { residual_m: report.residual_m, condition: report.condition };
     let surface = Surface { mesh, uncertainty, std_m: None };

@@ -5,15 +5,20 @@
 //! must not lie inside, whatever was touched: that keeps a template from growing past what is
 //! known, and is the "repulsor" of the paper's future work.
 
-use nalgebra::{Matrix3, Rotation3, SVector};
+use nalgebra::{Matrix3, Rotation3, SMatrix, SVector};
 
+use super::fit_data::{Distances, FitData, HUBER};
+use super::limb::Along;
 use super::superquadric::{Gauge, Superquadric};
 use super::{LOG_SIZE, PatchFrame, clamp_log_size};
 use crate::geometry::Vector;
 use crate::least_squares::{Minimum, NormalEquations, minimise};
 
-/// Attractors further than this from the template count linearly, in lengths of the patch.
-const HUBER: f64 = 0.1;
+/// Derivatives by centre, logarithmic semi-axes, a rotation applied on the right, and exponents.
+pub(super) type Row = SVector<f64, 11>;
+/// What of a step is left to a part that is not free.
+pub(super) type Freedom = SMatrix<f64, 11, 11>;
+
 /// Strength of the prior on size; on position it is half of it.
 const SIZE_PRIOR: f64 = 0.3;
 /// Strength of the prior that draws the exponents to those of an ellipsoid.
@@ -23,52 +28,6 @@ const EXPONENTS: (f64, f64) = (0.1, 1.2);
 /// A new shape starts somewhat smaller: an overestimate is probed in vain.
 const SHRINK: f64 = -0.15;
 
-/// What a template is fitted to, in the frame of the patch.
-#[derive(Clone, Debug)]
-pub(crate) struct FitData {
-    /// The frame.
-    pub(crate) frame: PatchFrame,
-    /// Points of the surface, with the weights of their residuals.
-    pub(crate) surface: Vec<(Vector, f64)>,
-    /// Points outside the object.
-    pub(crate) free: Vec<Vector>,
-    /// Points inside the object.
-    pub(crate) occupied: Vec<Vector>,
-}
-
-/// For every point of the data the signed distance to the nearest of some parts; infinite for none.
-#[derive(Clone, Debug)]
-pub(super) struct Distances {
-    surface: Vec<f64>,
-    free: Vec<f64>,
-    occupied: Vec<f64>,
-}
-
-impl Distances {
-    pub(super) fn to(parts: &[&Part], data: &FitData) -> Self {
-        let nearest =
-            |point: &Vector| parts.iter().map(|part| part.residual(point).0).fold(f64::INFINITY, f64::min);
-        Self {
-            surface: data.surface.iter().map(|(point, _)| nearest(point)).collect(),
-            free: data.free.iter().map(nearest).collect(),
-            occupied: data.occupied.iter().map(nearest).collect(),
-        }
-    }
-
-    /// The cost of a template at these distances, without its priors.
-    pub(super) fn cost(&self, data: &FitData) -> f64 {
-        let huber = |r: f64| {
-            let size = r.abs();
-            if size <= HUBER { 0.5 * size * size } else { HUBER * (size - 0.5 * HUBER) }
-        };
-        let weights = data.surface.iter().map(|(_, weight)| weight * weight);
-        let surface: f64 = weights.zip(&self.surface).map(|(weight, r)| weight * huber(*r)).sum();
-        let free: f64 = self.free.iter().map(|r| 0.5 * r.min(0.0).powi(2)).sum();
-        let occupied: f64 = self.occupied.iter().map(|r| 0.5 * r.max(0.0).powi(2)).sum();
-        surface + free + occupied
-    }
-}
-
 /// A superquadric in the frame of the patch.
 #[derive(Clone, Debug)]
 pub(super) struct Part {
@@ -76,6 +35,8 @@ pub(super) struct Part {
     pub(super) log_axes: Vector,
     pub(super) rotation: Rotation3<f64>,
     pub(super) exponents: [f64; 2],
+    /// How it is held by the first part of its union; nothing for a part that is free.
+    pub(super) along: Option<Along>,
 }
 
 impl Part {
@@ -85,7 +46,13 @@ impl Part {
             log_axes: shape.semi_axes.map(|a| clamp_log_size((a / frame.length_m).ln())),
             rotation: shape.base_from_template,
             exponents: shape.exponents,
+            along: None,
         }
+    }
+
+    /// The same part in another frame.
+    pub(super) fn moved(&self, from: &PatchFrame, to: &PatchFrame) -> Self {
+        Self { along: self.along, ..Self::of(&self.shape(from), to) }
     }
 
     pub(super) fn shape(&self, frame: &PatchFrame) -> Superquadric {
@@ -97,15 +64,21 @@ impl Part {
         }
     }
 
+    /// The directions of its axes as columns, with another of them as the third.
+    pub(super) fn axes_with_third(&self, axis: usize) -> Rotation3<f64> {
+        let columns = cycle(axis).map(|k| self.rotation.matrix().column(k).into_owned());
+        Rotation3::from_matrix_unchecked(Matrix3::from_columns(&columns))
+    }
+
     /// The same body with another of its axes as the third, and other exponents.
     pub(super) fn squared(&self, axis: usize, exponents: [f64; 2]) -> Self {
-        let order = [(axis + 1) % 3, (axis + 2) % 3, axis];
-        let columns = order.map(|k| self.rotation.matrix().column(k).into_owned());
+        let order = cycle(axis);
         Self {
             centre: self.centre,
             log_axes: Vector::from_fn(|row, _| self.log_axes[order[row]] + SHRINK),
-            rotation: Rotation3::from_matrix_unchecked(Matrix3::from_columns(&columns)),
+            rotation: self.axes_with_third(axis),
             exponents,
+            along: None,
         }
     }
 
@@ -117,7 +90,7 @@ impl Part {
     /// rotation applied on the right, and the exponents.
     ///
     /// The derivative of the slope in the denominator is left out: it vanishes on the surface.
-    fn residual(&self, point: &Vector) -> (f64, SVector<f64, 11>) {
+    pub(super) fn residual(&self, point: &Vector) -> (f64, Row) {
         let inverse_axes = self.log_axes.map(|p| (-p).exp());
         let local = self.rotation.inverse_transform_vector(&(point - self.centre));
         let y = local.component_mul(&inverse_axes);
@@ -136,30 +109,45 @@ impl Part {
         ((gauge.value - 1.0) * per_slope, row)
     }
 
-    /// Fits this part while the others of its template stand still at the given distances.
-    pub(super) fn fit(self, data: &FitData, others: &Distances, steps: usize) -> Minimum<Self> {
-        minimise(self, steps, |part| part.linearise(data, others), Self::retract)
+    /// Fits this part, with the limbs that it holds, while the others of its template stand still
+    /// at the given distances.
+    pub(super) fn fit(
+        self,
+        limbs: &[Self],
+        data: &FitData,
+        others: &Distances,
+        steps: usize,
+    ) -> Minimum<Self> {
+        minimise(self, steps, |part| part.linearise(limbs, data, others), Self::retract)
     }
 
     /// Fits it as an ellipsoid: with exponents that stand still.
     pub(super) fn fit_ellipsoid(self, data: &FitData, others: &Distances, steps: usize) -> Minimum<Self> {
-        let linearise = |part: &Self| {
-            let mut equations = part.linearise(data, others);
-            for k in 9..11 {
-                equations.gradient[k] = 0.0;
-                equations.hessian.row_mut(k).fill(0.0);
-                equations.hessian.column_mut(k).fill(0.0);
-            }
-            equations
-        };
+        let mut freedom = Freedom::identity();
+        freedom[(9, 9)] = 0.0;
+        freedom[(10, 10)] = 0.0;
+        let linearise = |part: &Self| part.linearise(&[], data, others).within(&freedom);
         minimise(self, steps, linearise, Self::retract)
     }
 
-    fn linearise(&self, data: &FitData, others: &Distances) -> NormalEquations<11> {
+    /// The normal equations of all data and of the priors.
+    pub(super) fn linearise(
+        &self,
+        limbs: &[Self],
+        data: &FitData,
+        others: &Distances,
+    ) -> NormalEquations<11> {
+        let limbs: Vec<Self> = limbs.iter().map(|limb| limb.clone().held_by(self)).collect();
         // A union is as near as its nearest part; where that is another, this one changes nothing.
         let at = |point: &Vector, other: f64| {
-            let (mine, row) = self.residual(point);
-            if mine <= other { (mine, row) } else { (other, SVector::zeros()) }
+            let mut nearest = self.residual(point);
+            for limb in &limbs {
+                let (residual, row) = limb.residual(point);
+                if residual < nearest.0 {
+                    nearest = (residual, limb.row_of_host(self, &row));
+                }
+            }
+            if nearest.0 <= other { nearest } else { (other, Row::zeros()) }
         };
         let mut equations = NormalEquations::zero();
         for ((point, weight), other) in data.surface.iter().zip(&others.surface) {
@@ -180,7 +168,7 @@ impl Part {
 
     fn add_priors(&self, equations: &mut NormalEquations<11>, expected_centre: &Vector) {
         let mut prior = |parameter: usize, weight: f64, value: f64| {
-            let mut row = SVector::zeros();
+            let mut row = Row::zeros();
             row[parameter] = weight;
             equations.add(weight * value, &row);
         };
@@ -193,13 +181,19 @@ impl Part {
         }
     }
 
-    fn retract(&self, step: &SVector<f64, 11>) -> Self {
+    pub(super) fn retract(&self, step: &Row) -> Self {
         let part = |from: usize| Vector::new(step[from], step[from + 1], step[from + 2]);
         Self {
             centre: self.centre + part(0),
             log_axes: (self.log_axes + part(3)).map(clamp_log_size),
             rotation: self.rotation * Rotation3::new(part(6)),
             exponents: [0, 1].map(|k| (self.exponents[k] + step[9 + k]).clamp(EXPONENTS.0, EXPONENTS.1)),
+            along: self.along,
         }
     }
+}
+
+/// The three axes in their order, the given one last.
+pub(super) fn cycle(axis: usize) -> [usize; 3] {
+    [(axis + 1) % 3, (axis + 2) % 3, axis]
 }

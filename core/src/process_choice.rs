@@ -1,0 +1,142 @@
+//! What the measurements say about the process that explains them: how large displacements are, how
+//! noisy the senses, and which symmetry the object has.
+//!
+//! Each is chosen by the marginal likelihood of the measurements. Noise and symmetry are asked for
+//! only now and then, in turn, and kept in between: they do not change with every touch.
+
+use nalgebra::Rotation3;
+
+use crate::attractor::{Attractor, Sense};
+use crate::config::Symmetry as Declared;
+use crate::displacement::{Displacement, Observation, Prior};
+use crate::noise::Noise;
+use crate::symmetry::{Fold, Symmetry};
+use crate::template::Superquadric;
+
+/// Displacements are expected to be this large, in metres, as if seen so many times.
+const EXPECTED_M: f64 = 0.008;
+const EXPECTED_COUNT: f64 = 8.0;
+/// However far off a touch may be, displacements are not expected to be larger, in metres: the
+/// system stays regular.
+const LARGEST_M: f64 = 0.1;
+/// The evidence for a symmetry has to be this much better, in nats.
+const CLEARLY_BETTER: f64 = 10.0;
+/// So many touches are needed before noise is asked for, and before symmetry is.
+const TOUCHES_FOR_NOISE: usize = 5;
+const TOUCHES_FOR_SYMMETRY: usize = 8;
+/// Noise and symmetry are asked for in every so many fits, each in its own.
+const ASK_EVERY: usize = 4;
+const NOISE_TURN: usize = 1;
+const SYMMETRY_TURN: usize = 3;
+/// A template whose axes have turned by more than this is another one, in radians.
+const TURNED: f64 = 0.2;
+
+/// What was chosen, from which the next choice goes on.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Choice {
+    /// Of the senses.
+    pub(crate) noise: Noise,
+    /// Of the object.
+    pub(crate) symmetry: Symmetry,
+    /// The directions of the template's axes, which the symmetry is about.
+    axes: Rotation3<f64>,
+}
+
+/// What the choice is made for.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Question<'a> {
+    /// The measured attractors.
+    pub(crate) attractors: &'a [Attractor],
+    /// Over what length displacements are alike, in metres.
+    pub(crate) length_m: f64,
+    /// The body of the template.
+    pub(crate) body: &'a Superquadric,
+    /// How many fits there were, this one included.
+    pub(crate) fits: usize,
+    /// What the caller vouches for.
+    pub(crate) declared: Option<Declared>,
+}
+
+impl Question<'_> {
+    fn fold(&self, symmetry: Symmetry) -> Fold {
+        Fold { centre: self.body.centre, axes: self.body.base_from_template, symmetry }
+    }
+
+    /// Conditions the process on the attractors' observations, whose noise is set here.
+    pub(crate) fn answer(
+        &self,
+        observations: &mut [Observation],
+        before: Option<&Choice>,
+    ) -> (Displacement, Choice) {
+        let touches = self.attractors.iter().filter(|a| a.sense == Sense::Touch).count();
+        let prior =
+            Prior { length_m: self.length_m, amplitude_m: EXPECTED_M, fold: self.fold(Symmetry::None) };
+
+        let mut noise = before.map_or_else(Noise::default, |before| before.noise);
+        self.set_noise(observations, &noise);
+        let first = Displacement::fit(prior, observations);
+        if touches >= TOUCHES_FOR_NOISE && self.fits % ASK_EVERY == NOISE_TURN {
+            noise = noise.improved(|guess| {
+                let mut guessed = observations.to_vec();
+                self.set_noise(&mut guessed, guess);
+                let fitted = first.refit(EXPECTED_M, &guessed);
+                rescaled(&rescaled(&fitted, touches, &guessed), touches, &guessed).evidence()
+            });
+            self.set_noise(observations, &noise);
+        }
+
+        let alone = rescaled(&first.refit(EXPECTED_M, observations), touches, observations);
+        let alone = rescaled(&alone, touches, observations);
+        let process = self.with_symmetry(alone, touches, observations, before);
+        let symmetry = process.prior().fold.symmetry;
+        (process, Choice { noise, symmetry, axes: self.body.base_from_template })
+    }
+
+    fn set_noise(&self, observations: &mut [Observation], noise: &Noise) {
+        for (observation, attractor) in observations.iter_mut().zip(self.attractors) {
+            observation.noise_m = noise.of_m(attractor.sense, attractor.uncertainty);
+        }
+    }
+
+    /// The process with the symmetry under which the measurements are clearly the most likely.
+    fn with_symmetry(
+        &self,
+        alone: Displacement,
+        touches: usize,
+        observations: &[Observation],
+        before: Option<&Choice>,
+    ) -> Displacement {
+        if touches < TOUCHES_FOR_SYMMETRY {
+            return alone;
+        }
+        let prior = *alone.prior();
+        let same = before
+            .filter(|before| before.axes.rotation_to(&self.body.base_from_template).angle() < TURNED)
+            .map(|before| before.symmetry);
+        let candidates = match same {
+            Some(symmetry) if self.fits % ASK_EVERY != SYMMETRY_TURN => vec![symmetry],
+            _ => Symmetry::candidates(self.declared),
+        };
+        // What the caller vouches for needs no further evidence.
+        let margin = if self.declared.is_some() { f64::NEG_INFINITY } else { CLEARLY_BETTER };
+        let mut least = alone.evidence() + margin;
+        let mut best = alone;
+        for symmetry in candidates.into_iter().filter(|symmetry| *symmetry != Symmetry::None) {
+            let prior = Prior { fold: self.fold(symmetry), ..prior };
+            let candidate = rescaled(&Displacement::fit(prior, observations), touches, observations);
+            if candidate.evidence() > least {
+                least = candidate.evidence();
+                best = candidate;
+            }
+        }
+        best
+    }
+}
+
+/// The same process with the amplitude that its measurements ask for.
+fn rescaled(process: &Displacement, touches: usize, observations: &[Observation]) -> Displacement {
+    let squares = process.surprise() * process.prior().amplitude_m.powi(2);
+    let expected = EXPECTED_COUNT * EXPECTED_M.powi(2);
+    let variance = (expected + squares) / (EXPECTED_COUNT + 4.0 + touches as f64);
+    process.refit(variance.sqrt().min(LARGEST_M), observations)
+}
