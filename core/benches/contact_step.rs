@@ -3,7 +3,8 @@
 
 use std::hint::black_box;
 
-use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
+use criterion::measurement::WallTime;
+use criterion::{BenchmarkGroup, BenchmarkId, Criterion, criterion_group, criterion_main};
 use palpate_core::attractor::{Attractor, Sense};
 use palpate_core::config::{Config, Method, Settings, Strategy};
 use palpate_core::deformation::{self, ThinPlate};
@@ -14,23 +15,59 @@ use palpate_core::reconstruction::Reconstruction;
 use palpate_core::template::ellipsoid;
 use palpate_core::uncertainty::{self, Reach};
 
+type Group<'a> = BenchmarkGroup<'a, WallTime>;
+
 /// Attractors and subdivisions of the icosphere: 4 gives 2562 vertices, 5 gives 10,242.
 const SIZES: [(usize, u32); 6] = [(250, 4), (500, 4), (1000, 4), (250, 5), (500, 5), (1000, 5)];
 /// METHOD_PALPATE at the sizes that sessions have.
 const SIZES_OF_SESSIONS: [(usize, u32); 3] = [(250, 4), (500, 4), (250, 5)];
 const SEEN: usize = 200;
+/// Visual points that METHOD_PALPATE keeps.
+const KEPT: usize = 100;
 
-/// Points of a box-like body, the first `SEEN` of them on a patch towards the camera.
+type Turn = (&'static str, fn(usize) -> bool);
+type Body = (&'static str, fn(&Vector) -> Point);
+
+const BODIES: [Body; 2] = [("box", box_like), ("bottle", bottle)];
+
+/// What METHOD_PALPATE does beyond going on from its last fit takes turns; a predicate tells the
+/// number of a fit in which it is due. Nothing is due in most fits.
+const TURNS: [Turn; 4] = [
+    ("ordinary", |fits| fits % 4 == 2 && fits % 5 != 0),
+    ("all_starts_and_splits", |fits| fits.is_multiple_of(20)),
+    ("noise", |fits| fits % 4 == 1 && fits % 5 != 0),
+    ("symmetries", |fits| fits % 4 == 3 && fits % 5 != 0),
+];
+
+/// A box with round edges: one part is enough for it.
+fn box_like(direction: &Vector) -> Point {
+    let d = direction;
+    let gauge = ((d.x / 0.03).powi(4) + (d.y / 0.045).powi(4) + (d.z / 0.08).powi(4)).powf(0.25);
+    Point::from(d / gauge)
+}
+
+/// A body with a wide neck: more than one part is fitted to it.
+fn bottle(direction: &Vector) -> Point {
+    let across = direction.x.hypot(direction.y);
+    let cylinder = |radius: f64, low: f64, high: f64| {
+        let end = if direction.z > 0.0 { high } else { low };
+        (radius / across).min(end / direction.z.abs())
+    };
+    let (body, neck) = (cylinder(0.035, 0.06, 0.02), cylinder(0.02, 0.06, 0.12));
+    Point::from(direction * body.max(neck))
+}
+
 fn attractors(count: usize) -> Vec<Attractor> {
+    attractors_of(box_like, count)
+}
+
+/// Points of a body, the first `SEEN` of them on a patch towards the camera.
+fn attractors_of(on_body: fn(&Vector) -> Point, count: usize) -> Vec<Attractor> {
     let mut directions = Icosphere::get(5).directions.clone();
     directions.sort_by(|a, b| b.x.total_cmp(&a.x));
     let unseen = directions.len() - 1200;
     let seen = (0..SEEN).map(|i| (directions[6 * i], Sense::Vision));
     let touched = (0..count - SEEN).map(|i| (directions[1200 + (i * 7919) % unseen], Sense::Touch));
-    let on_body = |d: &Vector| {
-        let gauge = ((d.x / 0.03).powi(4) + (d.y / 0.045).powi(4) + (d.z / 0.08).powi(4)).powf(0.25);
-        Point::from(d / gauge)
-    };
     seen.chain(touched)
         .map(|(direction, sense)| Attractor { point: on_body(&direction), uncertainty: 0.1, sense })
         .collect()
@@ -45,39 +82,68 @@ fn contact(attractor: &Attractor) -> Evidence {
 
 /// A session with all of the attractors but the last, which is returned as evidence.
 fn session(method: Method, attractors: &[Attractor], subdivisions: u32) -> (Reconstruction, Evidence) {
-    session_with(Settings { method, icosphere_subdivisions: subdivisions, ..Settings::default() }, attractors)
+    let settings = Settings { method, icosphere_subdivisions: subdivisions, ..Settings::default() };
+    session_with(settings, attractors, 1)
 }
 
-fn session_with(settings: Settings, attractors: &[Attractor]) -> (Reconstruction, Evidence) {
+/// The same, with as many fits before as views, and touches but the last.
+fn session_with(settings: Settings, attractors: &[Attractor], views: usize) -> (Reconstruction, Evidence) {
     let mut state = Reconstruction::new(Config::new(settings).expect("valid settings"));
     let (last, rest) = attractors.split_last().expect("attractors");
-    let of = |sense| rest.iter().filter(move |a| a.sense == sense);
-    let seen = of(Sense::Vision).map(|a| a.point).collect();
-    let prior = VisualPrior::new(seen, None, Some(Point::new(0.6, 0.1, 0.2))).expect("a sound prior");
-    state = state.absorb(&Evidence::VisualPrior(prior)).expect("absorbed").0;
-    for touch in of(Sense::Touch) {
+    let (seen, touched) = rest.split_at(SEEN);
+    for view in 0..views {
+        let points = seen.iter().skip(view).step_by(views).map(|a| a.point).collect();
+        let prior = VisualPrior::new(points, None, Some(Point::new(0.6, 0.1, 0.2))).expect("a sound prior");
+        state = state.absorb(&Evidence::VisualPrior(prior)).expect("absorbed").0;
+    }
+    for touch in touched {
         state = state.absorb(&contact(touch)).expect("absorbed").0;
     }
     (state, contact(last))
 }
 
-/// From a reported contact to the next candidate, for both methods. Neither thins touches; of
-/// visual points METHOD_PALPATE keeps a hundred, so its 250 attractors are 150.
-fn whole_step(criterion: &mut Criterion) {
+/// From a reported contact to the next candidate.
+fn bench_step(group: &mut Group<'_>, id: BenchmarkId, (state, evidence): (Reconstruction, Evidence)) {
+    group.bench_function(id, |bencher| {
+        bencher.iter(|| {
+            let (next, _) = state.absorb(black_box(&evidence)).expect("absorbed");
+            next.propose(&Request { top_k: 1, ..Request::default() })
+        });
+    });
+}
+
+fn paper_step(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("contact_step");
     group.sample_size(20);
-    let methods = [("paper", Method::Paper, &SIZES[..]), ("palpate", Method::Palpate, &SIZES_OF_SESSIONS)];
-    for (name, method, sizes) in methods {
-        for &(count, subdivisions) in sizes {
-            let (state, evidence) = session(method, &attractors(count), subdivisions);
-            let vertices = Icosphere::get(subdivisions as usize).directions.len();
-            group.bench_function(BenchmarkId::new(name, format!("{count}x{vertices}")), |bencher| {
-                bencher.iter(|| {
-                    let (next, _) = state.absorb(black_box(&evidence)).expect("absorbed");
-                    next.propose(&Request { top_k: 1, ..Request::default() })
-                });
-            });
+    for (count, subdivisions) in SIZES {
+        let vertices = Icosphere::get(subdivisions as usize).directions.len();
+        let id = BenchmarkId::new("paper", format!("{count}x{vertices}"));
+        bench_step(&mut group, id, session(Method::Paper, &attractors(count), subdivisions));
+    }
+}
+
+/// METHOD_PALPATE keeps a hundred visual points and every touch: its sizes count those. Each turn is
+/// brought about by the number of views.
+fn palpate_step(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("contact_step");
+    group.sample_size(20);
+    let mut bench = |(count, subdivisions): (usize, u32), (body, on_body): Body, (turn, is_due): Turn| {
+        let vertices = Icosphere::get(subdivisions as usize).directions.len();
+        let touches = count - SEEN;
+        let views = (1..=20).find(|views| is_due(views + touches)).expect("a turn in twenty fits");
+        let settings = Settings { icosphere_subdivisions: subdivisions, ..Settings::default() };
+        let size = format!("{}x{vertices}", KEPT + touches);
+        let id = BenchmarkId::new(format!("palpate/{body}/{turn}"), size);
+        bench_step(&mut group, id, session_with(settings, &attractors_of(on_body, count), views));
+    };
+    let [usual, larger @ ..] = SIZES_OF_SESSIONS;
+    for body in BODIES {
+        for turn in TURNS {
+            bench(usual, body, turn);
         }
+    }
+    for size in larger {
+        bench(size, BODIES[0], TURNS[0]);
     }
 }
 
@@ -88,7 +154,7 @@ fn proposals(criterion: &mut Criterion) {
     for (name, strategy) in [("proactive", Strategy::Proactive), ("expected_gain", Strategy::ExpectedGain)] {
         for (count, subdivisions) in SIZES_OF_SESSIONS {
             let settings = Settings { strategy, icosphere_subdivisions: subdivisions, ..Settings::default() };
-            let (state, evidence) = session_with(settings, &attractors(count));
+            let (state, evidence) = session_with(settings, &attractors(count), 1);
             let (state, _) = state.absorb(&evidence).expect("absorbed");
             let vertices = Icosphere::get(subdivisions as usize).directions.len();
             group.bench_function(BenchmarkId::new(name, format!("{count}x{vertices}")), |bencher| {
@@ -149,5 +215,5 @@ fn stages(criterion: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, whole_step, proposals, stages);
+criterion_group!(benches, paper_step, palpate_step, proposals, stages);
 criterion_main!(benches);

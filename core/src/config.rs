@@ -50,14 +50,72 @@ impl Strategy {
     }
 }
 
-/// When a session should end; a rule that is `None` never ends it.
+/// Which ideas of [`Method::Palpate`] are in use: all, but in an ablation.
+///
+/// A setting for measurements only: a session on a server always has them all.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stages {
+    /// A template of one part may become a cylinder, a prism or a box; otherwise the template is
+    /// always an ellipsoid, and has no more parts.
+    pub superquadrics: bool,
+    /// Fresh starts of the template include a slab behind the patch.
+    pub slab: bool,
+    /// The template may have more than one part.
+    pub parts: bool,
+    /// A part may be a limb, held on an axis of its host; otherwise all are free.
+    pub limbs: bool,
+    /// What was swept freely lies outside the template and the surface, and the planned start of an
+    /// approach that touched before it lies inside.
+    pub free_space: bool,
+    /// A touch that came early pulls the surface like any other.
+    pub early_contacts: bool,
+    /// A visual point that is kept is the mean of those around it.
+    pub visual_means: bool,
+    /// The noise of the senses is estimated; otherwise it is what is expected of them.
+    pub noise: bool,
+    /// A symmetry is taken where the evidence shows it; one that the caller vouches for always is.
+    pub symmetry: bool,
+    /// Places that a symmetry of revolution makes like known ones are less uncertain, so that
+    /// others are touched first.
+    pub symmetry_first: bool,
+    /// A touch that its neighbours did not foresee spreads its confidence less far.
+    pub surprise: bool,
+    /// The length over which confidence halves follows from the object's size and the budget of
+    /// touches; otherwise length and edges are those of the paper's method.
+    pub step_length: bool,
+    /// Places around a failure are less attractive, after their taboo too.
+    pub failure_penalty: bool,
+}
+
+impl Default for Stages {
+    fn default() -> Self {
+        Self {
+            superquadrics: true,
+            slab: true,
+            parts: true,
+            limbs: true,
+            free_space: true,
+            early_contacts: true,
+            visual_means: true,
+            noise: true,
+            symmetry: true,
+            symmetry_first: true,
+            surprise: true,
+            step_length: true,
+            failure_penalty: true,
+        }
+    }
+}
+
+/// When a session should end; a rule that is `None` never ends it, but for failures in a row.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StopRule {
     /// Attempts, failures included.
     pub max_attempts: Option<u32>,
     /// Mean vertex uncertainty in [0, 1] below which the object counts as covered.
     pub mean_uncertainty_below: Option<f64>,
-    /// Failures in a row after which the exploration counts as stalled.
+    /// Failures in a row after which the exploration counts as stalled; `None` for the method's own:
+    /// 50 in [`Method::Palpate`], never in [`Method::Paper`].
     pub max_consecutive_failures: Option<u32>,
 }
 
@@ -100,6 +158,8 @@ pub struct Settings {
     pub stop: StopRule,
     /// A symmetry that the caller vouches for; the paper's method has no use for one.
     pub symmetry: Option<Symmetry>,
+    /// Which ideas of [`Method::Palpate`] are in use; the paper's method has none of them.
+    pub stages: Stages,
 }
 
 impl Default for Settings {
@@ -122,6 +182,7 @@ impl Default for Settings {
             seed: 0,
             stop: StopRule::default(),
             symmetry: None,
+            stages: Stages::default(),
         }
     }
 }
@@ -170,6 +231,10 @@ impl Config {
             let reason = "METHOD_PAPER has no use for it: leave it unspecified";
             return Err(FieldError::invalid("symmetry", reason));
         }
+        if settings.method == Method::Paper && settings.stages != Stages::default() {
+            let reason = "METHOD_PAPER has none of them: leave all of them on";
+            return Err(FieldError::invalid("stages", reason));
+        }
         if settings.method == Method::Paper && settings.strategy == Strategy::ExpectedGain {
             let reason = "METHOD_PAPER states no deviation that a gain could be expected of: \
                           take METHOD_PALPATE, or STRATEGY_PROACTIVE";
@@ -213,12 +278,34 @@ mod tests {
         let paper = Settings { method: Method::Paper, ..Settings::default() };
         assert_eq!(field(Settings { strategy: Strategy::ExpectedGain, ..paper.clone() }), Some("strategy"));
         assert_eq!(field(Settings { symmetry: Some(Symmetry::Mirror), ..paper.clone() }), Some("symmetry"));
+        let stages = Stages { parts: false, ..Stages::default() };
+        assert_eq!(field(Settings { stages, ..paper.clone() }), Some("stages"));
         assert_eq!(field(Settings { alpha_travel: 0.5, ..paper }), None);
         for strategy in [Strategy::MinUncertainty, Strategy::Uniform, Strategy::Random] {
             let baseline = Settings { strategy, ..Settings::default() };
             assert_eq!(field(Settings { alpha_travel: 0.5, ..baseline.clone() }), Some("alpha_travel"));
             assert_eq!(field(baseline), None);
         }
+    }
+
+    #[test]
+    fn every_stage_is_in_use_by_default() {
+        let all = Stages {
+            superquadrics: true,
+            slab: true,
+            parts: true,
+            limbs: true,
+            free_space: true,
+            early_contacts: true,
+            visual_means: true,
+            noise: true,
+            symmetry: true,
+            symmetry_first: true,
+            surprise: true,
+            step_length: true,
+            failure_penalty: true,
+        };
+        assert_eq!(Config::default().stages, all);
     }
 
     #[test]

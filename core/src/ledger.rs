@@ -5,7 +5,7 @@ use crate::config::{Config, Method};
 use crate::error::Error;
 use crate::evidence::{Attempt, Contact, Evidence, Outcome, VisualPrior};
 use crate::free_space::FreeSpace;
-use crate::geometry::Point;
+use crate::geometry::{Direction, Point};
 use crate::tangent;
 
 /// An attempt that did not end in a touch where the estimate expected one.
@@ -50,7 +50,7 @@ impl Tallies {
 pub struct Ledger {
     /// What pulls the surface, in the order of its arrival.
     pub attractors: Vec<Attractor>,
-    /// What measured normals say about the surface around their touches.
+    /// What measured normals say about the surface around their touches; nothing in the paper's method.
     pub tangents: Vec<Attractor>,
     /// Where the camera stood for the first cloud that says so, in metres.
     pub viewpoint: Option<Point>,
@@ -125,13 +125,17 @@ impl Ledger {
         let uncertainty =
             contact.uncertainty().unwrap_or_else(|| contact_uncertainty(contact, config.tactile_u_max));
         let mut warnings = wrench_warnings(contact);
+        let normal = usable_normal(contact, config).unwrap_or_else(|unusable| {
+            warnings.push(unusable.into());
+            None
+        });
         let off_m = attempt.target.map_or(0.0, |target| (contact.point() - target.point()).norm());
         self.free_space.add_approach(contact, attempt.target.as_ref(), config.probe_half_travel_m);
         let is_early = off_m > config.failure_distance_m;
-        if !is_early || learns_from_failures(config) {
+        if !is_early || (learns_from_failures(config) && config.stages.early_contacts) {
             self.attractors.push(Attractor { point: contact.point(), uncertainty, sense: Sense::Touch });
             let around = |normal| tangent::around(&contact.point(), normal, uncertainty);
-            self.tangents.extend(contact.normal().into_iter().flat_map(around));
+            self.tangents.extend(normal.into_iter().flat_map(around));
         }
         if is_early {
             self.tallies.early_contacts += 1;
@@ -164,6 +168,19 @@ impl Ledger {
 /// the same: the way of a miss is free, and an early contact is the best measurement of all.
 fn learns_from_failures(config: &Config) -> bool {
     config.method == Method::Palpate
+}
+
+/// The measured normal, if there is one, or why it is ignored, in words for the caller.
+fn usable_normal<'a>(contact: &'a Contact, config: &Config) -> Result<Option<&'a Direction>, &'static str> {
+    let Some(normal) = contact.normal() else { return Ok(None) };
+    if config.method == Method::Paper {
+        return Err("normal: recorded, but METHOD_PAPER has no use for it");
+    }
+    if normal.dot(&contact.approach()) > 0.0 {
+        return Err("normal: ignored, as it points into the object: it must point out of the surface, \
+                    against the pad's outward normal");
+    }
+    Ok(Some(normal))
 }
 
 #[cfg(test)]
@@ -228,5 +245,26 @@ mod tests {
         assert_eq!(ledger.tallies.consecutive_failures, 1);
         ledger.enter(&touch(Point::origin(), None), &paper()).unwrap();
         assert_eq!(ledger.tallies.consecutive_failures, 0);
+    }
+
+    #[test]
+    fn a_normal_is_used_where_it_points_out_of_the_surface_and_the_method_has_a_use_for_it() {
+        let palpate = Config::default();
+        for (config, normal_z, tangents, warning) in [
+            (&palpate, -1.0, 3, None),
+            (&palpate, 1.0, 0, Some("into the object")),
+            (&paper(), -1.0, 0, Some("METHOD_PAPER has no use for it")),
+        ] {
+            let mut ledger = seen();
+            let detail = ContactDetail { normal: Some(Vector::z() * normal_z), ..ContactDetail::default() };
+            let push = Wrench { force: Vector::new(0.0, 0.0, -2.0), torque: Vector::zeros() };
+            // The pad looks and moves along z.
+            let contact = Contact::new(Pose::identity(), push, 0.009, detail).unwrap();
+            let attempt = Attempt { target: None, outcome: Outcome::Contact(contact) };
+            let entry = ledger.enter(&Evidence::Attempt(attempt), config).unwrap();
+            assert_eq!((ledger.tangents.len(), ledger.tallies.contacts), (tangents, 1));
+            assert_eq!(entry.warnings.len(), usize::from(warning.is_some()), "{:?}", entry.warnings);
+            assert!(warning.is_none_or(|text| entry.warnings[0].contains(text)), "{:?}", entry.warnings);
+        }
     }
 }

@@ -7,7 +7,7 @@
 use nalgebra::Rotation3;
 
 use crate::attractor::{Attractor, Sense};
-use crate::config::Symmetry as Declared;
+use crate::config::{Stages, Symmetry as Declared};
 use crate::displacement::{Displacement, Observation, Prior};
 use crate::noise::Noise;
 use crate::symmetry::{Fold, Symmetry};
@@ -55,6 +55,8 @@ pub(crate) struct Question<'a> {
     pub(crate) fits: usize,
     /// What the caller vouches for.
     pub(crate) declared: Option<Declared>,
+    /// Whether noise and symmetry are asked for at all.
+    pub(crate) stages: &'a Stages,
 }
 
 impl Question<'_> {
@@ -75,7 +77,7 @@ impl Question<'_> {
         let mut noise = before.map_or_else(Noise::default, |before| before.noise);
         self.set_noise(observations, &noise);
         let first = Displacement::fit(prior, observations);
-        if touches >= TOUCHES_FOR_NOISE && self.fits % ASK_EVERY == NOISE_TURN {
+        if self.stages.noise && touches >= TOUCHES_FOR_NOISE && self.fits % ASK_EVERY == NOISE_TURN {
             noise = noise.improved(|guess| {
                 let mut guessed = observations.to_vec();
                 self.set_noise(&mut guessed, guess);
@@ -106,7 +108,8 @@ impl Question<'_> {
         observations: &[Observation],
         before: Option<&Choice>,
     ) -> Displacement {
-        if touches < TOUCHES_FOR_SYMMETRY {
+        let is_asked_for = self.stages.symmetry || self.declared.is_some();
+        if !is_asked_for || touches < TOUCHES_FOR_SYMMETRY {
             return alone;
         }
         let prior = *alone.prior();

@@ -2,7 +2,13 @@
 
 use sha2::{Digest, Sha256};
 
+use crate::config::Method;
 use crate::reconstruction::{Estimate, Reconstruction};
+
+/// METHOD_PALPATE counts as stalled after so many failures in a row where no rule is configured: the
+/// paper explores a whole object with as many attempts, so by then the object was looked for all
+/// over the estimate.
+const STALLED_AFTER: u32 = 50;
 
 /// A session in a few numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -77,6 +83,9 @@ impl Reconstruction {
     pub fn stop_reason(&self) -> Option<StopReason> {
         let stats = self.stats();
         let rule = &self.config().stop;
+        // The paper's method may choose the same place for ever, and says nothing of when to give up.
+        let own_limit = (self.config().method == Method::Palpate).then_some(STALLED_AFTER);
+        let most_failures = rule.max_consecutive_failures.or(own_limit);
         let estimate = self.last_estimate()?;
         if estimate.template.diverged() {
             Some(StopReason::Diverged)
@@ -84,7 +93,7 @@ impl Reconstruction {
             Some(StopReason::Coverage)
         } else if rule.max_attempts.is_some_and(|most| stats.attempts >= most) {
             Some(StopReason::Budget)
-        } else if rule.max_consecutive_failures.is_some_and(|most| stats.consecutive_failures >= most) {
+        } else if most_failures.is_some_and(|most| stats.consecutive_failures >= most) {
             Some(StopReason::Stalled)
         } else if self.is_exhausted() {
             Some(StopReason::NoAdmissibleCandidate)

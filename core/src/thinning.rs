@@ -5,8 +5,8 @@ use crate::geometry::{Point, Vector};
 
 /// Keeps all touches and at most `most` visual points, each the mean of those that are nearest to
 /// one that is the farthest from those before it: the mean is less noisy, and the farthest points
-/// are the noisiest.
-pub(crate) fn thin_visual(attractors: &[Attractor], most: usize) -> Vec<Attractor> {
+/// are the noisiest. Without `means` the farthest themselves are kept.
+pub(crate) fn thin_visual(attractors: &[Attractor], most: usize, means: bool) -> Vec<Attractor> {
     let (seen, touched): (Vec<Attractor>, Vec<Attractor>) =
         attractors.iter().partition(|a| a.sense == Sense::Vision);
     if seen.len() <= most {
@@ -14,6 +14,9 @@ pub(crate) fn thin_visual(attractors: &[Attractor], most: usize) -> Vec<Attracto
     }
     let points: Vec<Point> = seen.iter().map(|a| a.point).collect();
     let kept = farthest_first(&points, most);
+    if !means {
+        return kept.iter().map(|&index| seen[index]).chain(touched).collect();
+    }
     let mut sums = vec![(Vector::zeros(), 0.0); kept.len()];
     for point in &points {
         let square = |&k: &usize| (points[kept[k]] - point).norm_squared();
@@ -57,7 +60,7 @@ mod tests {
     fn visual_points_are_thinned_evenly_and_touches_are_all_kept() {
         let mut attractors: Vec<_> = (0..101).map(|k| at(0.01 * f64::from(k), Sense::Vision)).collect();
         attractors.extend([at(0.5, Sense::Touch), at(0.5, Sense::Touch)]);
-        let kept = thin_visual(&attractors, 5);
+        let kept = thin_visual(&attractors, 5, true);
         let mut places: Vec<f64> =
             kept.iter().filter(|a| a.sense == Sense::Vision).map(|a| a.point.x).collect();
         places.sort_by(f64::total_cmp);
@@ -78,8 +81,11 @@ mod tests {
         };
         let seen = |k| Attractor { point: noisy(k), ..at(0.0, Sense::Vision) };
         let attractors: Vec<_> = (0..400).map(seen).collect();
-        let kept = thin_visual(&attractors, 20);
-        let scatter = (kept.iter().map(|a| a.point.z.powi(2)).sum::<f64>() / 20.0).sqrt();
-        assert!(scatter < 0.0005, "{scatter}");
+        let scatter_m = |means| {
+            let kept = thin_visual(&attractors, 20, means);
+            (kept.iter().map(|a| a.point.z.powi(2)).sum::<f64>() / 20.0).sqrt()
+        };
+        assert!(scatter_m(true) < 0.0005, "{}", scatter_m(true));
+        assert!((scatter_m(false) - 0.001).abs() < 1e-12, "{}", scatter_m(false));
     }
 }

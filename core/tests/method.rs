@@ -9,7 +9,7 @@ use palpate_core::evidence::{
     Attempt, Contact, ContactDetail, Evidence, Outcome, Sweep, Target, VisualPrior, Wrench,
 };
 use palpate_core::exploration::{Candidate, KeepOut, Request};
-use palpate_core::geometry::{Icosphere, Point, Pose, Vector};
+use palpate_core::geometry::{Icosphere, Point, Pose, SurfaceIndex, Vector};
 use palpate_core::reconstruction::{Reconstruction, StopReason};
 
 /// An ellipsoid that can be touched: all that a robot would find out about it is analytic.
@@ -143,14 +143,21 @@ fn a_rigid_motion_of_the_input_moves_mesh_and_candidate_by_the_same_motion() {
         let (_, here) = explore(&object, of(method), attempts);
         let (_, there) = explore(&object.moved(&motion), of(method), attempts);
         let vertices = |state: &Reconstruction| state.surface().unwrap().mesh.vertices.clone();
-        // Rounding may end a fit one step sooner, and the touches that follow carry that on.
-        let tolerance_m = if attempts == 0 { 1e-5 } else { 5e-5 };
-        for (a, b) in vertices(&here).iter().zip(vertices(&there)) {
-            let off_m = (motion * a - b).norm();
+        // Rounding may end a fit one step sooner, and the touches that follow carry that on. A body
+        // of revolution may even be turned about its axis, and its faces with it: surfaces are
+        // compared, not vertices, up to what a face is off the surface between its corners.
+        let tolerance_m = match (method, attempts) {
+            (Method::Paper, 0) => 1e-5,
+            (Method::Paper, _) => 5e-5,
+            (Method::Palpate, _) => 3e-4,
+        };
+        let index = SurfaceIndex::new(&there.surface().unwrap().mesh).unwrap();
+        for vertex in vertices(&here) {
+            let off_m = index.closest(&(motion * vertex)).distance_m;
             assert!(off_m < tolerance_m, "{method:?}: {off_m} after {attempts} touches");
         }
         let (a, b) = (&here.propose(&BEST).candidates[0], &there.propose(&BEST).candidates[0]);
-        assert!((motion * a.point - b.point).norm() < tolerance_m);
+        assert!((motion * a.point - b.point).norm() < 5e-4);
         assert!((motion * a.normal.into_inner() - b.normal.into_inner()).norm() < 1e-2);
     }
 }
@@ -380,16 +387,14 @@ fn a_finer_mesh_gives_the_same_template() {
 
 #[test]
 fn an_object_that_moved_away_is_looked_for_in_a_new_place_every_time() {
-    // Expected gain goes less far at a time, so what remains of the estimate is taboo sooner.
-    for (strategy, misses) in [(Strategy::Proactive, 50), (Strategy::ExpectedGain, 40)] {
-        let stop = StopRule { max_consecutive_failures: Some(misses), ..StopRule::default() };
-        let settings = Settings { stop, strategy, ..of(Method::Palpate) };
+    for strategy in [Strategy::Proactive, Strategy::ExpectedGain] {
+        let settings = Settings { strategy, ..Settings::default() };
         let (_, mut state) = explore(&Object::sphere(), settings, 0);
         let gone =
             Object { semi_axes: Vector::repeat(1e-3), base_from_object: Pose::translation(9.0, 9.0, 9.0) };
         let mut tried: Vec<Point> = Vec::new();
         let first = state.surface().unwrap().mesh.clone();
-        for _ in 0..misses {
+        for _ in 0..50 {
             assert_eq!(state.stop_reason(), None, "{strategy:?} after {}", tried.len());
             let candidate = state.propose(&BEST).candidates[0].clone();
             assert!(tried.iter().all(|before| (before - candidate.point).norm() > 1e-3));

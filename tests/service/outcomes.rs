@@ -159,6 +159,23 @@ async fn a_wrench_that_looks_wrong_is_accepted_with_a_warning() {
 }
 
 #[tokio::test]
+async fn a_normal_that_points_into_the_object_is_ignored_with_a_warning() {
+    let server = Server::start().await;
+    let caller = server.grpc();
+    let mut next = caller.begin("ball").await;
+    for (sign, warnings) in [(1.0, 0), (-1.0, 1)] {
+        let mut measured = touch(&next, 0.0);
+        let Some(Said::Contact(contact)) = &mut measured.outcome else { panic!("a contact") };
+        let outwards = next.normal.unwrap();
+        contact.normal =
+            Some(v1::Vector3 { x: sign * outwards.x, y: sign * outwards.y, z: sign * outwards.z });
+        let mut reply = caller.report(report("ball", measured, &format!("{sign}"))).await.unwrap();
+        assert_eq!(reply.warnings.len(), warnings, "{:?}", reply.warnings);
+        next = reply.candidates.remove(0);
+    }
+}
+
+#[tokio::test]
 async fn a_contact_of_the_robots_own_choice_needs_no_candidate() {
     let server = Server::start().await;
     for transport in Transport::BOTH {

@@ -44,8 +44,10 @@ pub(super) fn rank(view: &View<'_>, reachable: &[u32], travel: Option<Travel>) -
         let mut terms = vec![
             term("gain", 1.0, gain.max(f64::MIN_POSITIVE).ln()),
             term("contact", CONTACT_WEIGHT, (1.0 - risk).ln()),
-            failures::term(view, vertex),
         ];
+        if view.config.stages.failure_penalty {
+            terms.push(failures::term(view, vertex));
+        }
         terms.extend(travel.map(|travel| travel.term(view, vertex)));
         Ranked { vertex, terms, mean_geodesic_m: None }
     };

@@ -89,7 +89,7 @@ impl<'a> BestFirst<'a> {
             term("geodesic", view.config.alpha_geodesic, distance),
             term("uncertainty", view.config.alpha_uncertainty, view.uncertainty[vertex as usize]),
         ];
-        if view.config.method == Method::Palpate {
+        if view.config.method == Method::Palpate && view.config.stages.failure_penalty {
             terms.push(failures::term(view, vertex));
         }
         terms.extend(self.travel.map(|travel| travel.term(view, vertex)));

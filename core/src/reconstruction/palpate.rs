@@ -1,10 +1,11 @@
 //! METHOD_PALPATE on one page: from all evidence, failures included, to a surface with its
 //! standard deviation.
 
-use super::{Estimate, LocalReport, Surface, Template};
+use super::{Estimate, LocalReport, Surface, Template, paper};
 use crate::attractor::Sense;
 use crate::config::Config;
 use crate::displacement::{Displacement, Observation, VertexProcess};
+use crate::free_space::FreeSpace;
 use crate::geometry::{Direction, Icosphere, Point, SurfaceIndex, TriangleMesh};
 use crate::ledger::Ledger;
 use crate::process_choice::Question;
@@ -27,10 +28,9 @@ const CORRELATION: f64 = 0.6;
 const SURPRISE_M: f64 = 0.003;
 /// The least share of the length over which it does.
 const LEAST_SHARE: f64 = 0.5;
-/// The process's deviation and the template's against the error of the surface, and the least of it.
-const DEVIATION_SCALE: f64 = 1.5;
-const TEMPLATE_SCALE: f64 = 0.0;
-const LEAST_DEVIATION_M: f64 = 0.001;
+/// The error of the surface, template included, against the process's deviation, and the least of it.
+const DEVIATION_SCALE: f64 = 1.2;
+const LEAST_DEVIATION_M: f64 = 0.0003;
 
 pub(super) fn estimate(
     ledger: &Ledger,
@@ -38,14 +38,18 @@ pub(super) fn estimate(
     config: &Config,
     sphere: &'static Icosphere,
 ) -> Estimate {
+    let stages = &config.stages;
+
     // The template is chosen and fitted to all that was seen, touched and swept.
-    let attractors = thinning::thin_visual(&ledger.attractors, VISUAL_POINTS);
+    let attractors = thinning::thin_visual(&ledger.attractors, VISUAL_POINTS, stages.visual_means);
     let last_fit = before.and_then(|before| match &before.template {
         Template::Compound(fit) => Some(&**fit),
         Template::Ellipsoid(_) => None,
     });
     let measured = [&attractors[..], &ledger.tangents].concat();
-    let template = selection::fit(&measured, &ledger.free_space, ledger.viewpoint.as_ref(), last_fit);
+    let unknown = FreeSpace::default();
+    let free_space = if stages.free_space { &ledger.free_space } else { &unknown };
+    let template = selection::fit(&measured, free_space, ledger.viewpoint.as_ref(), last_fit, stages);
     let global = template.chosen.shape.mesh(sphere);
     let index = SurfaceIndex::new(&global).expect("an icosphere has faces");
     let observe = |point: &Point, noise_m: f64| observe(&global, &index, point, noise_m);
@@ -59,13 +63,14 @@ pub(super) fn estimate(
         body: &template.chosen.shape.body,
         fits: template.fits,
         declared: config.symmetry,
+        stages,
     };
     let last_choice = before.and_then(|before| before.choice.as_ref());
     let (process, choice) = question.answer(&mut observations, last_choice);
 
     // Where the surface would cover what was swept freely, it is pulled back, twice.
     let free: Vec<Observation> =
-        ledger.free_space.outside().iter().map(|point| observe(point, FREE_NOISE_M)).collect();
+        free_space.outside().iter().map(|point| observe(point, FREE_NOISE_M)).collect();
     let process = (0..2).fold(process, |process, _| {
         let covered = |o: &&Observation| process.mean_m(&o.place) > o.displacement_m + COVERED_M;
         let violated: Vec<Observation> = free.iter().filter(covered).copied().collect();
@@ -80,23 +85,31 @@ pub(super) fn estimate(
     let displace =
         |((vertex, normal), height_m): ((&Point, &Direction), &f64)| vertex + normal.into_inner() * *height_m;
     let places = global.vertices.iter().zip(&normals).map(|(p, n)| Place::new(p, n)).collect();
-    let global_vertices = global.vertices.clone();
     let vertices = global.vertices.iter().zip(&normals).zip(&heights_m).map(displace).collect();
     let mesh = TriangleMesh { vertices, faces: global.faces };
 
     // Uncertainty spreads from the attractors as in the paper, as far as the budget asks for, and
     // less far from those that came as a surprise.
+    let own_reach = if stages.step_length {
+        Reach { hops: HOPS, length_m: step_length_m(mesh.area(), config) }
+    } else {
+        paper::REACH
+    };
     let reach = Reach {
-        hops: config.propagation_hops.unwrap_or(HOPS),
-        length_m: config.propagation_length_m.unwrap_or_else(|| step_length_m(mesh.area(), config)),
+        hops: config.propagation_hops.unwrap_or(own_reach.hops),
+        length_m: config.propagation_length_m.unwrap_or(own_reach.length_m),
     };
     let surprises_m = process.left_out_m();
     let share = |index: usize| match attractors[index].sense {
-        Sense::Touch => (surprises_m[index] / SURPRISE_M).hypot(1.0).recip().max(LEAST_SHARE),
+        Sense::Touch if stages.surprise => {
+            (surprises_m[index] / SURPRISE_M).hypot(1.0).recip().max(LEAST_SHARE)
+        }
         _ => 1.0,
     };
     let mut uncertainty = uncertainty::propagate(sphere, &mesh.vertices, &attractors, reach, share);
-    if let Symmetry::Revolution(_) = choice.symmetry {
+    if let Symmetry::Revolution(_) = choice.symmetry
+        && stages.symmetry_first
+    {
         let fold = process.prior().fold;
         let displaced = mesh.vertices.iter().zip(mesh.vertex_normals());
         let folded: Vec<Place> = displaced.map(|(p, n)| fold.apply(&Place::new(p, &n))).collect();
@@ -104,12 +117,8 @@ pub(super) fn estimate(
         uncertainty::propagate_by_symmetry(&mut uncertainty, &mesh.vertices, &folded, known, share);
     }
 
-    // How far off the surface may be: displacement and template.
-    let std_m = global_vertices.iter().zip(&deviations_m).map(|(vertex, deviation_m)| {
-        let template_m = template.deviation_m(vertex);
-        (DEVIATION_SCALE * deviation_m).hypot(TEMPLATE_SCALE * template_m).hypot(LEAST_DEVIATION_M)
-    });
-    let std_m: Vec<f64> = std_m.collect();
+    let calibrate = |deviation_m: &f64| (DEVIATION_SCALE * deviation_m).hypot(LEAST_DEVIATION_M);
+    let std_m = deviations_m.iter().map(calibrate).collect();
 
     let local = LocalReport { residual_m: process.residual_m(&observations), condition: process.condition() };
     let surface = Surface { mesh, uncertainty, std_m: Some(std_m) };

@@ -8,10 +8,8 @@ use crate::ledger::Ledger;
 use crate::template::ellipsoid;
 use crate::uncertainty::{self, Reach};
 
-/// Edges over which an attractor's uncertainty spreads, on the mesh with 2562 vertices.
-const HOPS: u32 = 5;
-/// Over this length confidence halves, in metres; the paper does not give it.
-const LENGTH_M: f64 = 0.020;
+/// How far an attractor's confidence spreads; the paper does not give the length.
+pub(super) const REACH: Reach = Reach { hops: 5, length_m: 0.020 };
 
 pub(super) fn estimate(
     ledger: &Ledger,
@@ -37,8 +35,8 @@ pub(super) fn estimate(
 
     // Section III-F: uncertainty spreads from the attractors.
     let reach = Reach {
-        hops: config.propagation_hops.unwrap_or(HOPS),
-        length_m: config.propagation_length_m.unwrap_or(LENGTH_M),
+        hops: config.propagation_hops.unwrap_or(REACH.hops),
+        length_m: config.propagation_length_m.unwrap_or(REACH.length_m),
     };
     let uncertainty = uncertainty::propagate(sphere, &mesh.vertices, attractors, reach, |_| 1.0);
 

@@ -1,13 +1,12 @@
-//! How sure a fitted template is of its parameters, and of its surface.
+//! How sure a fitted template is of its parameters.
 //!
-//! Where touches lie all around, a cylinder is known to a fraction of a millimetre; an end that
-//! nothing has touched may be anywhere, however well the sides fit.
+//! Where touches lie all around, a radius is known to a fraction of a millimetre; the length of a
+//! part whose end nothing has touched may be anything, however well its sides fit.
 
 use nalgebra::SMatrix;
 
 use super::fit_data::{Distances, FitData, HUBER};
 use super::part::{Freedom, Part, Row};
-use crate::geometry::Vector;
 use crate::least_squares::NormalEquations;
 
 /// Of centre, logarithmic semi-axes, a rotation applied on the right, and the exponents; lengths
@@ -42,10 +41,39 @@ impl Part {
         let inverse = (freedom * information * freedom + held).cholesky().map(|factor| factor.inverse());
         inverse.map_or(Freedom::zeros(), |covariance| freedom * covariance * freedom)
     }
+}
 
-    /// The signed distance of a point, and the variance of the surface next to it.
-    pub(super) fn variance_at(&self, point: &Vector, covariance: &Covariance) -> (f64, f64) {
-        let (residual, row) = self.residual(point);
-        (residual, row.dot(&(covariance * row)))
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Icosphere, Point, Vector};
+    use crate::template::{PatchFrame, superquadric::Superquadric};
+    use nalgebra::Rotation3;
+
+    #[test]
+    fn an_end_that_nothing_has_touched_is_unsure_and_a_touched_radius_is_sure() {
+        let frame = PatchFrame {
+            origin: Point::origin(),
+            length_m: 1.0,
+            visual_points: 1.0,
+            centre: Vector::zeros(),
+        };
+        let can = Superquadric {
+            centre: Point::origin(),
+            semi_axes: Vector::new(0.7, 0.7, 1.5),
+            base_from_template: Rotation3::identity(),
+            exponents: [0.2, 1.0],
+        };
+        let surface = Icosphere::get(3).directions.iter().map(|d| can.offset_towards(d));
+        // Nothing but the sides is known.
+        let sides = surface.filter(|p| p.z.abs() < 0.8).map(|p| (p, 1.0)).collect();
+        let data = FitData { frame, surface: sides, free: Vec::new(), occupied: Vec::new() };
+        let part = Part::of(&can, &frame);
+        let nothing = Distances::to(std::iter::empty(), &data);
+        let covariance = part.covariance(&data, &nothing, 1e-4);
+        let deviation = |parameter: usize| covariance[(parameter, parameter)].sqrt();
+        assert!(deviation(3) < 0.02 && deviation(4) < 0.02, "{} {}", deviation(3), deviation(4));
+        assert!(deviation(5) > 0.2, "{}", deviation(5));
+        assert!((covariance - covariance.transpose()).norm() < 1e-9);
     }
 }

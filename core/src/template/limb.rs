@@ -21,13 +21,13 @@ impl Part {
     pub(super) fn held_by(mut self, host: &Self) -> Self {
         if let Some(along) = self.along {
             self.rotation = host.axes_with_third(along.axis);
-            self.centre = host.centre + host.rotation * self.from_host(along);
+            self.centre = host.centre + host.rotation * self.offset_on_host(along);
         }
         self
     }
 
     /// Its centre, seen from its host and along its host's axes.
-    fn from_host(&self, along: Along) -> Vector {
+    fn offset_on_host(&self, along: Along) -> Vector {
         let mut offset = Vector::zeros();
         offset[along.axis] = along.side * self.log_axes[2].exp();
         offset
@@ -74,7 +74,7 @@ impl Part {
         if let Some(along) = self.along {
             let by_centre: Vector = row.fixed_rows::<3>(0).into_owned();
             let mut by_rotation =
-                self.from_host(along).cross(&host.rotation.inverse_transform_vector(&by_centre));
+                self.offset_on_host(along).cross(&host.rotation.inverse_transform_vector(&by_centre));
             for (own, axis) in cycle(along.axis).into_iter().enumerate() {
                 by_rotation[axis] += row[6 + own];
             }

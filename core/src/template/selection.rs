@@ -10,11 +10,12 @@ use super::covariance::Covariance;
 use super::ellipsoid::{self, Ellipsoid};
 use super::fit_data::{Distances, FitData};
 use super::part::Part;
-use super::starts::fresh_starts;
+use super::starts;
 use super::superquadric::Superquadric;
 use super::union::Union;
 use super::{PatchFrame, TemplateFit, root_mean_square};
 use crate::attractor::Attractor;
+use crate::config::Stages;
 use crate::free_space::FreeSpace;
 use crate::geometry::Point;
 
@@ -52,25 +53,13 @@ pub struct SelectedFit {
     pub fits: usize,
 }
 
-impl SelectedFit {
-    /// How far off the template may be next to a point as far as its parameters go, one standard
-    /// deviation, in metres.
-    pub fn deviation_m(&self, point: &Point) -> f64 {
-        let local = self.frame.local(point);
-        let parts = self.parts.iter().zip(&self.covariances);
-        let nearest = parts
-            .map(|(part, covariance)| part.variance_at(&local, covariance))
-            .min_by(|a, b| a.0.total_cmp(&b.0));
-        nearest.map_or(0.0, |(_, variance)| variance.sqrt()) * self.frame.length_m
-    }
-}
-
 /// Selects and fits the template. `attractors` may be thinned; each counts.
 pub fn fit(
     attractors: &[Attractor],
     free_space: &FreeSpace,
     viewpoint: Option<&Point>,
     before: Option<&SelectedFit>,
+    stages: &Stages,
 ) -> SelectedFit {
     let frame = PatchFrame::of(attractors, viewpoint);
     let data = FitData::new(attractors, free_space, frame);
@@ -81,22 +70,31 @@ pub fn fit(
         Some(before) => (before.ellipsoid.moved(&before.frame, &frame), STEPS),
         None => (Part::of(&sphere(&ellipsoid::initial(attractors, viewpoint)), &frame), FIRST_STEPS),
     };
-    let ellipsoid = start.fit_ellipsoid(&data, &alone, steps).parameters;
+    let mut best = start.fit_ellipsoid(&data, &alone, steps);
+    let ellipsoid = best.parameters.clone();
 
-    let warm = before.map_or_else(|| ellipsoid.clone(), |before| before.single.moved(&before.frame, &frame));
-    let mut best = warm.fit(&[], &data, &alone, STEPS);
-    let mut starts = vec![ellipsoid.clone()];
-    if fits <= FIRST_FITS || fits.is_multiple_of(FRESH_EVERY) {
-        starts.extend(fresh_starts(&ellipsoid, attractors, &frame));
-    }
-    for start in starts {
-        let found = start.fit(&[], &data, &alone, STEPS);
-        if found.cost < CLEARLY_LOWER * best.cost {
-            best = found;
+    if stages.superquadrics {
+        let warm =
+            before.map_or_else(|| ellipsoid.clone(), |before| before.single.moved(&before.frame, &frame));
+        best = warm.fit(&[], &data, &alone, STEPS);
+        let mut starts = vec![ellipsoid.clone()];
+        if fits <= FIRST_FITS || fits.is_multiple_of(FRESH_EVERY) {
+            starts.extend(starts::squared(&ellipsoid));
+            if stages.slab {
+                starts.push(starts::slab(&ellipsoid, attractors, &frame));
+            }
+        }
+        for start in starts {
+            let found = start.fit(&[], &data, &alone, STEPS);
+            if found.cost < CLEARLY_LOWER * best.cost {
+                best = found;
+            }
         }
     }
-    let single = Union::new(vec![best.parameters.clone()], &data);
-    let chosen = select_parts(&single, before, fits, &data);
+    let mut chosen = Union::new(vec![best.parameters.clone()], &data);
+    if stages.superquadrics && stages.parts {
+        chosen = select_parts(&chosen, before, fits, &data, stages.limbs);
+    }
 
     let diverged = chosen.parts.iter().any(Part::is_unbounded);
     let shape = chosen.shape(&frame);
@@ -128,7 +126,13 @@ fn sphere(start: &Ellipsoid) -> Superquadric {
 }
 
 /// The number of parts: one, those of the fit before, or one more where that is clearly better.
-fn select_parts(single: &Union, before: Option<&SelectedFit>, fits: usize, data: &FitData) -> Union {
+fn select_parts(
+    single: &Union,
+    before: Option<&SelectedFit>,
+    fits: usize,
+    data: &FitData,
+    limbs: bool,
+) -> Union {
     let mut chosen = single.clone();
     let mut criterion = chosen.criterion(data);
     if let Some(before) = before.filter(|before| before.parts.len() > 1) {
@@ -143,9 +147,9 @@ fn select_parts(single: &Union, before: Option<&SelectedFit>, fits: usize, data:
     }
     let mut larger = Vec::new();
     if fits.is_multiple_of(SPLIT_EVERY) {
-        larger.extend(single.splits(data));
+        larger.extend(single.splits(data, limbs));
         if chosen.parts.len() > 1 {
-            larger.extend(chosen.splits(data));
+            larger.extend(chosen.splits(data, limbs));
         }
     }
     for candidate in larger.into_iter().filter(|union| union.parts.len() <= MOST_PARTS) {

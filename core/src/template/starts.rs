@@ -13,17 +13,15 @@ const SLAB_HALF: f64 = 0.15;
 /// The least and the largest half width of the slab, likewise.
 const SLAB_WIDTH: (f64, f64) = (0.3, std::f64::consts::E);
 
-/// All but the ellipsoid itself.
-pub(super) fn fresh_starts(ellipsoid: &Part, attractors: &[Attractor], frame: &PatchFrame) -> Vec<Part> {
-    let mut starts: Vec<Part> = (0..3).map(|axis| ellipsoid.squared(axis, [0.2, 1.0])).collect();
-    starts.push(ellipsoid.squared(2, [0.2, 0.2]));
-    starts.push(slab(ellipsoid, attractors, frame));
-    starts
+/// The cylinders and the box.
+pub(super) fn squared(ellipsoid: &Part) -> impl Iterator<Item = Part> {
+    let cylinders = (0..3).map(|axis| ellipsoid.squared(axis, [0.2, 1.0]));
+    cylinders.chain([ellipsoid.squared(2, [0.2, 0.2])])
 }
 
 /// A plate, round or square, whose face is the patch: from a thicker body no fit comes down to it,
 /// since the misses beside its edge push sideways before they thin.
-fn slab(ellipsoid: &Part, attractors: &[Attractor], frame: &PatchFrame) -> Part {
+pub(super) fn slab(ellipsoid: &Part, attractors: &[Attractor], frame: &PatchFrame) -> Part {
     let offsets: Vec<Vector> =
         attractors.iter().filter(|a| a.sense == Sense::Vision).map(|a| a.point - frame.origin).collect();
     let thinnest = principal_axis(&offsets, 0);

@@ -103,11 +103,11 @@ impl Union {
         Compound { body: limbs.remove(0), limbs }
     }
 
-    /// Unions with one part more.
-    pub(super) fn splits(&self, data: &FitData) -> Vec<Self> {
+    /// Unions with one part more, which may be a limb where `limbs` says so.
+    pub(super) fn splits(&self, data: &FitData, limbs: bool) -> Vec<Self> {
         let mut found = Vec::new();
         for (k, part) in self.parts.iter().enumerate() {
-            for (rest, end) in splits(part, k == 0, data) {
+            for (rest, end) in splits(part, limbs && k == 0, data) {
                 let mut parts = self.parts.clone();
                 parts[k] = rest;
                 parts.push(end);

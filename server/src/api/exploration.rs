@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use palpate_core::evidence::{Attempt, Evidence, Outcome};
+use palpate_core::evidence::Evidence;
 use palpate_core::exploration::Request;
 use palpate_proto::v1;
 use palpate_proto::v1::event::Kind;
@@ -194,7 +194,6 @@ fn absorb_result(
         });
     }
     let attempt = from_proto::attempt(result, &before.definition, before.revision, limits)?;
-    let hint = unused_normal(&attempt);
     let absorbed = before.absorb(&Evidence::Attempt(attempt), before.next_event_us());
     let (after, update) = absorbed.map_err(|error| refused("result", error))?;
     let reply = v1::ReportContactResponse {
@@ -204,15 +203,9 @@ fn absorb_result(
         contact_uncertainty: update.contact_uncertainty.unwrap_or(0.0),
         max_vertex_move_m: update.max_vertex_move_m,
         candidates: next_candidates(&after, wanted),
-        warnings: update.warnings.into_iter().chain(hint).collect(),
+        warnings: update.warnings,
     };
     Ok(Step { reply: reply.encode_to_vec(), after })
-}
-
-/// Nothing that a caller measured is ignored in silence.
-fn unused_normal(attempt: &Attempt) -> Option<String> {
-    let Outcome::Contact(contact) = &attempt.outcome else { return None };
-    contact.normal().map(|_| "result.contact.normal: recorded, but no method has a use for it yet".to_owned())
 }
 
 fn next_candidates(after: &Snapshot, wanted: &Request) -> Vec<v1::Candidate> {

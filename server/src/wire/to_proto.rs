@@ -78,6 +78,8 @@ pub(crate) fn session_config(config: &Config, sensors: &[Sensor]) -> v1::Session
         seed,
         stop: StopRule { max_attempts, mean_uncertainty_below, max_consecutive_failures },
         symmetry: declared_symmetry,
+        // A session always has them all.
+        stages: _,
     } = **config;
     v1::SessionConfig {
         method: method(used_method).into(),

@@ -51,6 +51,7 @@ pub(super) fn config(config: &v1::SessionConfig, limits: &Limits) -> Result<(Con
         seed: seed.unwrap_or(default.seed),
         stop: stop_rule.as_ref().map_or(default.stop, stop),
         symmetry: symmetry(declared_symmetry)?,
+        stages: default.stages,
     };
     let config = Config::new(settings).map_err(|error| at("config", error))?;
     Ok((config, sensors(declared_sensors, limits)?))
