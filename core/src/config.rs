@@ -289,26 +289,6 @@ mod tests {
     }
 
     #[test]
-    fn every_stage_is_in_use_by_default() {
-        let all = Stages {
-            superquadrics: true,
-            slab: true,
-            parts: true,
-            limbs: true,
-            free_space: true,
-            early_contacts: true,
-            visual_means: true,
-            noise: true,
-            symmetry: true,
-            symmetry_first: true,
-            surprise: true,
-            step_length: true,
-            failure_penalty: true,
-        };
-        assert_eq!(Config::default().stages, all);
-    }
-
-    #[test]
     fn nan_is_refused() {
         let settings = Settings { propagation_length_m: Some(f64::NAN), ..Settings::default() };
         let error = Config::new(settings).unwrap_err();
