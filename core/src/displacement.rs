@@ -8,18 +8,21 @@ use std::sync::Arc;
 
 use faer::linalg::solvers::Solve;
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
-use faer::{Col, Mat, Par, Side};
-use wide::f64x4;
+use faer::{Col, Mat, Par, Scale, Side};
+use wide::f32x8;
 
-use crate::geometry::{Direction, Point, Vector};
+use crate::geometry::Vector;
 use crate::symmetry::{Fold, Place, Symmetry};
 
 /// How strongly a turn of the normal separates two places.
 const TURN: f64 = 1.5;
 /// The share of the variance that places have in common which a symmetry makes alike.
 const SHARE: f64 = 0.9;
-/// Added to the variance of every measurement, in square metres: keeps the system regular.
-const JITTER: f64 = 1e-10;
+/// This share of the prior's variance is added to that of every measurement: the system stays
+/// regular, whatever its kernels are rounded to.
+const JITTER: f64 = 1e-5;
+/// Kernels that are evaluated at a time.
+const LANES: usize = 8;
 
 /// A measured displacement of the template.
 #[derive(Clone, Copy, Debug)]
@@ -55,6 +58,23 @@ impl Prior {
         let (own, shared) = self.shares();
         (own * self.amplitude_m.powi(2), shared * self.amplitude_m.powi(2))
     }
+
+    /// Covariances of displacements at some places with what they fold to (rows) and at others
+    /// (columns), in square metres.
+    fn covariance(&self, (rows, folded): (&[Place], &[Place]), columns: &[Place]) -> Mat<f64> {
+        let (own, shared) = self.variances();
+        let mut covariance = Mat::zeros(rows.len(), columns.len());
+        add_covariances(&mut covariance, rows, columns, self.length_m, own);
+        if shared > 0.0 {
+            add_covariances(&mut covariance, folded, &self.fold.apply_all(columns), self.length_m, shared);
+        }
+        covariance
+    }
+
+    /// What is added to the variance of every measurement, in square metres.
+    fn jitter(&self) -> f64 {
+        JITTER * self.amplitude_m.powi(2)
+    }
 }
 
 /// The places of some measurements and how alike they are: it depends neither on how large
@@ -63,25 +83,31 @@ impl Prior {
 struct Gram {
     places: Vec<Place>,
     folded: Vec<Place>,
-    /// Correlations, of which the lower triangle is filled.
-    correlation: Mat<f64>,
+    /// Correlations of the places themselves, whatever the symmetry.
+    unfolded: Arc<Mat<f64>>,
+    /// Correlations with the share of the symmetry.
+    correlation: Arc<Mat<f64>>,
 }
 
 impl Gram {
     fn new(prior: &Prior, observations: &[Observation]) -> Self {
         let places: Vec<Place> = observations.iter().map(|o| o.place).collect();
-        let folded: Vec<Place> = places.iter().map(|place| prior.fold.apply(place)).collect();
+        let mut unfolded = Mat::zeros(places.len(), places.len());
+        add_covariances(&mut unfolded, &places, &places, prior.length_m, 1.0);
+        Self::folded(prior, places, Arc::new(unfolded))
+    }
+
+    fn folded(prior: &Prior, places: Vec<Place>, unfolded: Arc<Mat<f64>>) -> Self {
+        let folded = prior.fold.apply_all(&places);
         let (own, shared) = prior.shares();
-        let mut correlation = Mat::zeros(places.len(), places.len());
-        for row in 0..places.len() {
-            for column in 0..=row {
-                let alike =
-                    if shared > 0.0 { kernel(&folded[row], &folded[column], prior.length_m) } else { 0.0 };
-                correlation[(row, column)] =
-                    own * kernel(&places[row], &places[column], prior.length_m) + shared * alike;
-            }
-        }
-        Self { places, folded, correlation }
+        let correlation = if shared > 0.0 {
+            let mut correlation = unfolded.as_ref() * Scale(own);
+            add_covariances(&mut correlation, &folded, &folded, prior.length_m, shared);
+            Arc::new(correlation)
+        } else {
+            Arc::clone(&unfolded)
+        };
+        Self { places, folded, unfolded, correlation }
     }
 }
 
@@ -107,6 +133,13 @@ impl Displacement {
         Self::conditioned(Prior { amplitude_m, ..self.prior }, Arc::clone(&self.gram), observations)
     }
 
+    /// The same process under another symmetry.
+    pub fn with_fold(&self, fold: Fold, observations: &[Observation]) -> Self {
+        let prior = Prior { fold, ..self.prior };
+        let gram = Gram::folded(&prior, self.gram.places.clone(), Arc::clone(&self.gram.unfolded));
+        Self::conditioned(prior, Arc::new(gram), observations)
+    }
+
     fn conditioned(prior: Prior, gram: Arc<Gram>, observations: &[Observation]) -> Self {
         let count = observations.len();
         let variance = prior.amplitude_m * prior.amplitude_m;
@@ -115,7 +148,7 @@ impl Displacement {
             for row in column..count {
                 system[(row, column)] = variance * gram.correlation[(row, column)];
             }
-            system[(column, column)] += observations[column].noise_m.powi(2) + JITTER;
+            system[(column, column)] += observations[column].noise_m.powi(2) + prior.jitter();
         }
         let factor = system.llt(Side::Lower).expect("a kernel matrix with noise is positive definite");
         let measured = Col::from_fn(count, |row| observations[row].displacement_m);
@@ -149,7 +182,8 @@ impl Displacement {
     /// Root mean square of what is left of the measurements it was conditioned with, in metres.
     pub fn residual_m(&self, observations: &[Observation]) -> f64 {
         // The noise term is exactly what separates the process from its measurements.
-        let left = observations.iter().zip(&self.weights).map(|(o, w)| w * (o.noise_m.powi(2) + JITTER));
+        let noise = |o: &Observation| o.noise_m.powi(2) + self.prior.jitter();
+        let left = observations.iter().zip(&self.weights).map(|(o, w)| w * noise(o));
         (left.map(|m| m * m).sum::<f64>() / observations.len().max(1) as f64).sqrt()
     }
 
@@ -169,60 +203,44 @@ impl Displacement {
         (high / low).powi(2)
     }
 
-    /// The expected displacement at one place, in metres.
-    pub fn mean_m(&self, place: &Place) -> f64 {
+    /// The expected displacements at some places, in metres.
+    pub fn means_m(&self, places: &[Place]) -> Vec<f64> {
+        self.weighted(&self.cross(places))
+    }
+
+    /// Expected displacements and their standard deviations at many places, in metres.
+    pub fn predict(&self, places: &[Place]) -> (Vec<f64>, Vec<f64>) {
         let (own, shared) = self.prior.variances();
-        let folded = self.prior.fold.apply(place);
-        let covariance = |k: usize| {
-            let alike = if shared > 0.0 {
-                shared * kernel(&folded, &self.gram.folded[k], self.prior.length_m)
-            } else {
-                0.0
-            };
-            own * kernel(place, &self.gram.places[k], self.prior.length_m) + alike
-        };
-        (0..self.weights.len()).map(|k| self.weights[k] * covariance(k)).sum()
+        let cross = self.cross(places);
+        let means = self.weighted(&cross);
+        let explained = self.explained(cross);
+        let left = |column: usize| own + shared - explained.col(column).squared_norm_l2();
+        let deviations = (0..places.len()).map(|column| left(column).max(0.0).sqrt()).collect();
+        (means, deviations)
     }
 
     /// Covariances that are left between the displacements at some places (rows) and at others
     /// (columns), in square metres: what a touch at one place says about another.
     pub fn covariance(&self, rows: &[Place], columns: &[Place]) -> Mat<f64> {
-        let (own, shared) = self.prior.variances();
-        let fold = |places: &[Place]| -> Vec<Place> {
-            places.iter().map(|place| self.prior.fold.apply(place)).collect()
-        };
-        let before = |from: &[Place], from_folded: &[Place], to: &[Place]| {
-            let mut covariance = Mat::zeros(from.len(), to.len());
-            add_covariances(&mut covariance, from, to, self.prior.length_m, own);
-            if shared > 0.0 {
-                add_covariances(&mut covariance, from_folded, &fold(to), self.prior.length_m, shared);
-            }
-            covariance
-        };
-        let explained = |places: &[Place]| {
-            let mut cross = before(&self.gram.places, &self.gram.folded, places);
-            solve_lower_triangular_in_place(self.factor.as_ref(), cross.as_mut(), Par::Seq);
-            cross
-        };
-        before(rows, &fold(rows), columns) - explained(rows).transpose() * explained(columns)
+        let before = self.prior.covariance((rows, &self.prior.fold.apply_all(rows)), columns);
+        let explained = |places: &[Place]| self.explained(self.cross(places));
+        before - explained(rows).transpose() * explained(columns)
     }
 
-    /// Expected displacements and their standard deviations at many places, in metres.
-    pub fn predict(&self, points: &[Point], normals: &[Direction]) -> (Vec<f64>, Vec<f64>) {
-        let places: Vec<Place> = points.iter().zip(normals).map(|(p, n)| Place::new(p, n)).collect();
-        let (own, shared) = self.prior.variances();
-        let mut cross = Mat::zeros(self.gram.places.len(), places.len());
-        add_covariances(&mut cross, &self.gram.places, &places, self.prior.length_m, own);
-        if shared > 0.0 {
-            let folded: Vec<Place> = places.iter().map(|place| self.prior.fold.apply(place)).collect();
-            add_covariances(&mut cross, &self.gram.folded, &folded, self.prior.length_m, shared);
-        }
+    /// Covariances of the measurements (rows) with the displacements at some places (columns).
+    fn cross(&self, places: &[Place]) -> Mat<f64> {
+        self.prior.covariance((&self.gram.places, &self.gram.folded), places)
+    }
+
+    fn weighted(&self, cross: &Mat<f64>) -> Vec<f64> {
         let mean = |column: usize| cross.col(column).iter().zip(&self.weights).map(|(k, w)| k * w).sum();
-        let means = (0..places.len()).map(mean).collect();
+        (0..cross.ncols()).map(mean).collect()
+    }
+
+    /// Columns whose squared length is the variance that the measurements explain.
+    fn explained(&self, mut cross: Mat<f64>) -> Mat<f64> {
         solve_lower_triangular_in_place(self.factor.as_ref(), cross.as_mut(), Par::Seq);
-        let left = |column: usize| own + shared - cross.col(column).squared_norm_l2();
-        let deviations = (0..places.len()).map(|column| left(column).max(0.0).sqrt()).collect();
-        (means, deviations)
+        cross
     }
 }
 
@@ -251,7 +269,7 @@ impl VertexProcess {
         for (row, &from) in rows.iter().enumerate() {
             for (column, &to) in columns.iter().enumerate() {
                 // Where nothing is left to learn nothing is said about others.
-                let scale = (deviation_m(from) * deviation_m(to)).max(JITTER);
+                let scale = (deviation_m(from) * deviation_m(to)).max(self.process.prior.jitter());
                 correlation[(row, column)] = (correlation[(row, column)] / scale).clamp(-1.0, 1.0);
             }
         }
@@ -259,28 +277,29 @@ impl VertexProcess {
     }
 }
 
-/// Correlation of two displacements: Matern 3/2 of the distance, damped by the turn of the normals.
-fn kernel(a: &Place, b: &Place, length_m: f64) -> f64 {
-    let r = 3.0_f64.sqrt() * (a.point - b.point).norm() / length_m;
-    (1.0 + r) * (TURN * (a.normal.dot(&b.normal) - 1.0) - r).exp()
-}
-
-/// Adds `variance * kernel` for every known place (row) and queried place (column), four at a time.
+/// Adds `variance` times the correlation of every known place (row) with every queried place
+/// (column): Matern 3/2 of the distance, damped by the turn of the normals.
+///
+/// In single precision, eight at a time, and relative to one of the places, so that nothing is
+/// lost far from the frame's origin.
 fn add_covariances(cross: &mut Mat<f64>, known: &[Place], queried: &[Place], length_m: f64, variance: f64) {
-    let per_length = 3.0_f64.sqrt() / length_m;
-    for (block, queries) in queried.chunks(4).enumerate() {
-        let lanes = |value: fn(&Place) -> &Vector, axis: usize| {
-            f64x4::from(std::array::from_fn(|lane| value(&queries[lane.min(queries.len() - 1)])[axis]))
-        };
-        let points = [0, 1, 2].map(|axis| lanes(|place| &place.point, axis));
-        let normals = [0, 1, 2].map(|axis| lanes(|place| &place.normal, axis));
-        for (row, place) in known.iter().enumerate() {
-            let [dx, dy, dz] = [0, 1, 2].map(|axis| points[axis] - place.point[axis]);
-            let [nx, ny, nz] = [0, 1, 2].map(|axis| normals[axis] * place.normal[axis]);
+    let Some(origin) = known.first().map(|place| place.point) else { return };
+    let narrow = |vector: &Vector| [0, 1, 2].map(|axis| vector[axis] as f32);
+    let split = |place: &Place| (narrow(&(place.point - origin)), narrow(&place.normal));
+    let known: Vec<([f32; 3], [f32; 3])> = known.iter().map(split).collect();
+    let (per_length, turn) = ((3.0_f64.sqrt() / length_m) as f32, TURN as f32);
+    for (block, queries) in queried.chunks(LANES).enumerate() {
+        let queries: Vec<([f32; 3], [f32; 3])> = queries.iter().map(split).collect();
+        let lane = |lane: usize| queries[lane.min(queries.len() - 1)];
+        let points = [0, 1, 2].map(|axis| f32x8::from(std::array::from_fn(|k| lane(k).0[axis])));
+        let normals = [0, 1, 2].map(|axis| f32x8::from(std::array::from_fn(|k| lane(k).1[axis])));
+        for (row, (point, normal)) in known.iter().enumerate() {
+            let [dx, dy, dz] = [0, 1, 2].map(|axis| points[axis] - point[axis]);
+            let [nx, ny, nz] = [0, 1, 2].map(|axis| normals[axis] * normal[axis]);
             let r = (dx * dx + dy * dy + dz * dz).sqrt() * per_length;
-            let values = (r + 1.0) * ((nx + ny + nz - 1.0) * TURN - r).exp() * variance;
+            let values = (r + 1.0) * ((nx + ny + nz - 1.0) * turn - r).exp();
             for (lane, value) in values.to_array().into_iter().enumerate().take(queries.len()) {
-                cross[(row, 4 * block + lane)] += value;
+                cross[(row, LANES * block + lane)] += variance * f64::from(value);
             }
         }
     }
@@ -289,7 +308,7 @@ fn add_covariances(cross: &mut Mat<f64>, known: &[Place], queried: &[Place], len
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Icosphere;
+    use crate::geometry::{Direction, Icosphere, Point};
     use nalgebra::Rotation3;
 
     fn prior(symmetry: Symmetry) -> Prior {
@@ -298,19 +317,25 @@ mod tests {
     }
 
     fn observation(direction: &Direction, displacement_m: f64) -> Observation {
-        let place = Place { point: direction.into_inner() * 0.05, normal: direction.into_inner() };
-        Observation { place, displacement_m, noise_m: 1e-5 }
+        Observation { place: place(direction), displacement_m, noise_m: 1e-5 }
     }
 
-    fn sphere() -> (Vec<Point>, Vec<Direction>) {
-        let directions = Icosphere::get(3).directions.clone();
-        (directions.iter().map(|d| Point::from(d.into_inner() * 0.05)).collect(), directions)
+    fn place(direction: &Direction) -> Place {
+        Place { point: direction.into_inner() * 0.05, normal: direction.into_inner() }
+    }
+
+    fn directions() -> &'static [Direction] {
+        &Icosphere::get(3).directions
+    }
+
+    fn places() -> Vec<Place> {
+        directions().iter().map(place).collect()
     }
 
     #[test]
     fn measurements_are_met_and_far_from_them_the_template_returns() {
         let process = Displacement::fit(prior(Symmetry::None), &[observation(&Vector::x_axis(), 0.004)]);
-        let at = |d: Direction| process.predict(&[Point::from(d.into_inner() * 0.05)], &[d]);
+        let at = |d: Direction| process.predict(&[place(&d)]);
         let (mean, deviation) = at(Vector::x_axis());
         assert!((mean[0] - 0.004).abs() < 1e-6 && deviation[0] < 2e-5);
         let (mean, deviation) = at(-Vector::x_axis());
@@ -318,31 +343,35 @@ mod tests {
     }
 
     #[test]
-    fn one_place_and_many_places_are_answered_alike() {
-        let seen: Vec<Observation> =
-            sphere().1.iter().step_by(40).enumerate().map(|(k, d)| observation(d, 1e-4 * k as f64)).collect();
-        for symmetry in [Symmetry::None, Symmetry::Revolution(2), Symmetry::Mirror([true, false, true])] {
-            let process = Displacement::fit(prior(symmetry), &seen);
-            let (points, normals) = sphere();
-            let (means, _) = process.predict(&points, &normals);
-            for ((point, normal), mean) in points.iter().zip(&normals).zip(means) {
-                assert!((process.mean_m(&Place::new(point, normal)) - mean).abs() < 1e-9);
+    fn covariances_are_those_of_the_formula_in_double_precision() {
+        let formula = |a: &Place, b: &Place| {
+            let r = 3.0_f64.sqrt() * (a.point - b.point).norm() / 0.03;
+            (1.0 + r) * (-r + TURN * (a.normal.dot(&b.normal) - 1.0)).exp()
+        };
+        // As far from the frame's origin as a workspace may reach.
+        let far = Vector::new(9e3, -8e3, 7e3);
+        let places: Vec<Place> =
+            places().into_iter().map(|place| Place { point: place.point + far, ..place }).collect();
+        let mut covariances = Mat::zeros(5, places.len());
+        add_covariances(&mut covariances, &places[..5], &places, 0.03, 2.0);
+        for (row, known) in places[..5].iter().enumerate() {
+            for (column, queried) in places.iter().enumerate() {
+                assert!((covariances[(row, column)] - 2.0 * formula(known, queried)).abs() < 1e-6);
             }
         }
     }
 
     #[test]
     fn covariances_of_places_with_themselves_are_their_variances() {
-        let seen: Vec<Observation> = sphere().1.iter().step_by(40).map(|d| observation(d, 0.001)).collect();
-        let (points, normals) = sphere();
-        let places: Vec<Place> = points.iter().zip(&normals).map(|(p, n)| Place::new(p, n)).collect();
+        let seen: Vec<Observation> = directions().iter().step_by(40).map(|d| observation(d, 0.001)).collect();
+        let places = places();
         for symmetry in [Symmetry::None, Symmetry::Revolution(2), Symmetry::Mirror([true, false, true])] {
             let process = Displacement::fit(prior(symmetry), &seen);
-            let (_, deviations) = process.predict(&points, &normals);
+            let (_, deviations) = process.predict(&places);
             let covariance = process.covariance(&places[..30], &places);
             for row in 0..30 {
-                assert!((covariance[(row, row)] - deviations[row].powi(2)).abs() < 1e-12);
-                assert!((covariance[(row, 7)] - covariance[(7, row)]).abs() < 1e-15);
+                assert!((covariance[(row, row)] - deviations[row].powi(2)).abs() < 1e-11);
+                assert!((covariance[(row, 7)] - covariance[(7, row)]).abs() < 1e-11);
             }
         }
     }
@@ -350,33 +379,36 @@ mod tests {
     #[test]
     fn what_others_foresee_is_what_a_fit_without_a_measurement_says() {
         let mut seen: Vec<Observation> =
-            sphere().1.iter().step_by(60).map(|d| observation(d, 0.003 * d.x)).collect();
+            directions().iter().step_by(60).map(|d| observation(d, 0.003 * d.x)).collect();
         let process = Displacement::fit(prior(Symmetry::None), &seen);
         let off_m = process.left_out_m()[3];
         let left_out = seen.remove(3);
-        let foreseen_m = Displacement::fit(prior(Symmetry::None), &seen).mean_m(&left_out.place);
-        assert!((off_m - (left_out.displacement_m - foreseen_m)).abs() < 1e-9);
+        let foreseen_m = Displacement::fit(prior(Symmetry::None), &seen).means_m(&[left_out.place])[0];
+        assert!((off_m - (left_out.displacement_m - foreseen_m)).abs() < 1e-8);
     }
 
     #[test]
     fn a_refit_is_a_fit() {
         let seen: Vec<Observation> =
-            sphere().1.iter().step_by(60).map(|d| observation(d, 0.003 * d.x)).collect();
+            directions().iter().step_by(60).map(|d| observation(d, 0.003 * d.x)).collect();
         let noisier: Vec<Observation> = seen.iter().map(|o| Observation { noise_m: 0.001, ..*o }).collect();
         let larger = Prior { amplitude_m: 0.02, ..prior(Symmetry::Revolution(0)) };
         let fresh = Displacement::fit(larger, &noisier);
         let again = Displacement::fit(prior(Symmetry::Revolution(0)), &seen).refit(0.02, &noisier);
         assert_eq!((fresh.evidence(), &fresh.weights), (again.evidence(), &again.weights));
+        let folded = Displacement::fit(prior(Symmetry::None), &seen).refit(0.02, &noisier);
+        let folded = folded.with_fold(larger.fold, &noisier);
+        assert_eq!((fresh.evidence(), &fresh.weights), (folded.evidence(), &folded.weights));
     }
 
     #[test]
     fn more_measurements_never_widen_the_uncertainty() {
-        let (points, normals) = sphere();
+        let places = places();
         let mut seen = Vec::new();
-        let mut before = vec![f64::INFINITY; points.len()];
-        for direction in normals.iter().step_by(30) {
+        let mut before = vec![f64::INFINITY; places.len()];
+        for direction in directions().iter().step_by(30) {
             seen.push(observation(direction, 0.001));
-            let (_, after) = Displacement::fit(prior(Symmetry::None), &seen).predict(&points, &normals);
+            let (_, after) = Displacement::fit(prior(Symmetry::None), &seen).predict(&places);
             assert!(before.iter().zip(&after).all(|(before, after)| *after <= before + 1e-9));
             before = after;
         }
@@ -386,7 +418,7 @@ mod tests {
     fn evidence_finds_the_symmetry_that_the_measurements_have() {
         // Bumps that depend on the height alone.
         let seen: Vec<Observation> =
-            sphere().1.iter().step_by(9).map(|d| observation(d, 0.004 * (4.0 * d.z).sin())).collect();
+            directions().iter().step_by(9).map(|d| observation(d, 0.004 * (4.0 * d.z).sin())).collect();
         let evidence = |symmetry| Displacement::fit(prior(symmetry), &seen).evidence();
         let revolution = evidence(Symmetry::Revolution(2));
         assert!(revolution > evidence(Symmetry::None) + 5.0);

@@ -31,4 +31,5 @@ pub mod symmetry;
 mod tangent;
 pub mod template;
 mod thinning;
+pub mod turn;
 pub mod uncertainty;

@@ -19,8 +19,6 @@ const STEP: f64 = 2.0;
 const FACTORS: (f64, f64) = (0.5, 8.0);
 /// What an octave away from the expected noise costs, in nats.
 const OCTAVE_COST: f64 = 3.0;
-/// Guesses in a row.
-const ROUNDS: usize = 2;
 
 /// Noise of the senses, as factors of what is expected of them.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,23 +43,12 @@ impl Noise {
         }
     }
 
-    /// A better guess than this one, given the logarithm of the likelihood of the measurements.
+    /// The best of this guess and its neighbours, given the logarithm of the likelihood of the
+    /// measurements.
     pub fn improved(self, evidence: impl Fn(&Self) -> f64) -> Self {
         let judge = |noise: Self| (evidence(&noise) - noise.cost(), noise);
-        let mut best = judge(self);
-        for _ in 0..ROUNDS {
-            let before = best.1;
-            for guess in before.neighbours() {
-                let judged = judge(guess);
-                if judged.0 > best.0 {
-                    best = judged;
-                }
-            }
-            if best.1 == before {
-                break;
-            }
-        }
-        best.1
+        let better = |best: (f64, Self), guess: (f64, Self)| if guess.0 > best.0 { guess } else { best };
+        self.neighbours().map(judge).fold(judge(self), better).1
     }
 
     fn neighbours(self) -> impl Iterator<Item = Self> {
@@ -87,7 +74,7 @@ mod tests {
             let sigma = noise.of_m(Sense::Vision, 0.0);
             -100.0 * (sigma.ln() + 0.5 * (0.004 / sigma).powi(2))
         };
-        let found = Noise::default().improved(evidence);
+        let found = Noise::default().improved(evidence).improved(evidence);
         assert_eq!(found, Noise { vision: 4.0, touch: 1.0 });
         assert_eq!(found.improved(evidence), found);
     }

@@ -2,7 +2,7 @@
 //! noisy the senses, and which symmetry the object has.
 //!
 //! Each is chosen by the marginal likelihood of the measurements. Noise and symmetry are asked for
-//! only now and then, in turn, and kept in between: they do not change with every touch.
+//! in their turns only and kept in between: they do not change with every touch.
 
 use nalgebra::Rotation3;
 
@@ -12,6 +12,7 @@ use crate::displacement::{Displacement, Observation, Prior};
 use crate::noise::Noise;
 use crate::symmetry::{Fold, Symmetry};
 use crate::template::Superquadric;
+use crate::turn::Turn;
 
 /// Displacements are expected to be this large, in metres, as if seen so many times.
 const EXPECTED_M: f64 = 0.008;
@@ -24,11 +25,7 @@ const CLEARLY_BETTER: f64 = 10.0;
 /// So many touches are needed before noise is asked for, and before symmetry is.
 const TOUCHES_FOR_NOISE: usize = 5;
 const TOUCHES_FOR_SYMMETRY: usize = 8;
-/// Noise and symmetry are asked for in every so many fits, each in its own.
-const ASK_EVERY: usize = 4;
-const NOISE_TURN: usize = 1;
-const SYMMETRY_TURN: usize = 3;
-/// A template whose axes have turned by more than this is another one, in radians.
+/// A symmetry whose axes have turned by more than this is another one, in radians.
 const TURNED: f64 = 0.2;
 
 /// What was chosen, from which the next choice goes on.
@@ -77,12 +74,12 @@ impl Question<'_> {
         let mut noise = before.map_or_else(Noise::default, |before| before.noise);
         self.set_noise(observations, &noise);
         let first = Displacement::fit(prior, observations);
-        if self.stages.noise && touches >= TOUCHES_FOR_NOISE && self.fits % ASK_EVERY == NOISE_TURN {
+        if self.stages.noise && touches >= TOUCHES_FOR_NOISE && Turn::of(self.fits) == Turn::Noise {
             noise = noise.improved(|guess| {
                 let mut guessed = observations.to_vec();
                 self.set_noise(&mut guessed, guess);
                 let fitted = first.refit(EXPECTED_M, &guessed);
-                rescaled(&rescaled(&fitted, touches, &guessed), touches, &guessed).evidence()
+                rescaled(&fitted, touches, &guessed).evidence()
             });
             self.set_noise(observations, &noise);
         }
@@ -112,28 +109,36 @@ impl Question<'_> {
         if !is_asked_for || touches < TOUCHES_FOR_SYMMETRY {
             return alone;
         }
-        let prior = *alone.prior();
         let same = before
-            .filter(|before| before.axes.rotation_to(&self.body.base_from_template).angle() < TURNED)
+            .filter(|before| !has_turned(before, &self.body.base_from_template))
             .map(|before| before.symmetry);
         let candidates = match same {
-            Some(symmetry) if self.fits % ASK_EVERY != SYMMETRY_TURN => vec![symmetry],
+            Some(symmetry) if Turn::of(self.fits) != Turn::Symmetry => vec![symmetry],
             _ => Symmetry::candidates(self.declared),
         };
         // What the caller vouches for needs no further evidence.
         let margin = if self.declared.is_some() { f64::NEG_INFINITY } else { CLEARLY_BETTER };
-        let mut least = alone.evidence() + margin;
-        let mut best = alone;
-        for symmetry in candidates.into_iter().filter(|symmetry| *symmetry != Symmetry::None) {
-            let prior = Prior { fold: self.fold(symmetry), ..prior };
-            let candidate = rescaled(&Displacement::fit(prior, observations), touches, observations);
-            if candidate.evidence() > least {
-                least = candidate.evidence();
-                best = candidate;
+        let processes = candidates
+            .into_iter()
+            .filter(|symmetry| *symmetry != Symmetry::None)
+            .map(|symmetry| alone.with_fold(self.fold(symmetry), observations));
+        match processes.max_by(|a, b| a.evidence().total_cmp(&b.evidence())) {
+            Some(best) => {
+                let best = rescaled(&best, touches, observations);
+                if best.evidence() > alone.evidence() + margin { best } else { alone }
             }
+            None => alone,
         }
-        best
     }
+}
+
+/// Whether an axis that the symmetry is about has turned: about its own axis a bottle may turn.
+fn has_turned(before: &Choice, axes: &Rotation3<f64>) -> bool {
+    let turn = |axis: usize| {
+        let cosine = before.axes.matrix().column(axis).dot(&axes.matrix().column(axis));
+        cosine.abs().min(1.0).acos()
+    };
+    (0..3).any(|axis| before.symmetry.is_about(axis) && turn(axis) > TURNED)
 }
 
 /// The same process with the amplitude that its measurements ask for.

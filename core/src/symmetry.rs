@@ -31,6 +31,15 @@ impl Symmetry {
             Some(Declared::Mirror) => mirrors.take(3).collect(),
         }
     }
+
+    /// Whether an axis of the template says what is alike.
+    pub fn is_about(self, axis: usize) -> bool {
+        match self {
+            Self::None => false,
+            Self::Mirror(planes) => planes[axis],
+            Self::Revolution(about) => axis == about,
+        }
+    }
 }
 
 /// A place on the template: where it is and which way it faces.
@@ -61,6 +70,11 @@ pub struct Fold {
 }
 
 impl Fold {
+    /// For each of some places the one that all places alike are mapped to.
+    pub fn apply_all(&self, places: &[Place]) -> Vec<Place> {
+        places.iter().map(|place| self.apply(place)).collect()
+    }
+
     /// The place that all places alike are mapped to.
     pub fn apply(&self, place: &Place) -> Place {
         let point = self.axes.inverse_transform_vector(&(place.point - self.centre.coords));

@@ -4,9 +4,12 @@
 //! changed, and the same choice would fail for ever.
 
 use super::{ScoreTerm, View};
+use crate::config::Method;
 
-/// Candidates this close to a failed one are taboo, in metres.
+/// Candidates this close to a failed one are taboo, in metres, and on a small object of
+/// METHOD_PALPATE within this share of the length over which confidence halves.
 const TABOO_RADIUS_M: f64 = 0.010;
+const TABOO_SHARE: f64 = 0.5;
 /// Until this many later contacts have succeeded.
 const TABOO_CONTACTS: u32 = 3;
 /// A failure makes its surroundings less attractive over this distance, in metres.
@@ -16,8 +19,12 @@ const FAILURE_RADIUS_M: f64 = 0.035;
 pub(super) fn is_taboo(view: &View<'_>, vertex: u32) -> bool {
     let point = &view.mesh.vertices[vertex as usize];
     let contacts = view.ledger.tallies.contacts;
+    let radius_m = match view.config.method {
+        Method::Paper => TABOO_RADIUS_M,
+        Method::Palpate => TABOO_RADIUS_M.min(TABOO_SHARE * view.reach.length_m),
+    };
     view.ledger.failures.iter().any(|failure| {
-        contacts < failure.contacts_before + TABOO_CONTACTS && (failure.point - point).norm() < TABOO_RADIUS_M
+        contacts < failure.contacts_before + TABOO_CONTACTS && (failure.point - point).norm() < radius_m
     })
 }
 

@@ -6,7 +6,7 @@ use crate::attractor::Sense;
 use crate::config::Config;
 use crate::displacement::{Displacement, Observation, VertexProcess};
 use crate::free_space::FreeSpace;
-use crate::geometry::{Direction, Icosphere, Point, SurfaceIndex, TriangleMesh};
+use crate::geometry::{Icosphere, Point, SurfaceIndex, TriangleMesh};
 use crate::ledger::Ledger;
 use crate::process_choice::Question;
 use crate::symmetry::{Place, Symmetry};
@@ -71,9 +71,12 @@ pub(super) fn estimate(
     // Where the surface would cover what was swept freely, it is pulled back, twice.
     let free: Vec<Observation> =
         free_space.outside().iter().map(|point| observe(point, FREE_NOISE_M)).collect();
+    let free_places: Vec<Place> = free.iter().map(|o| o.place).collect();
     let process = (0..2).fold(process, |process, _| {
-        let covered = |o: &&Observation| process.mean_m(&o.place) > o.displacement_m + COVERED_M;
-        let violated: Vec<Observation> = free.iter().filter(covered).copied().collect();
+        let heights_m = process.means_m(&free_places);
+        let covered = |(o, height_m): &(&Observation, f64)| *height_m > o.displacement_m + COVERED_M;
+        let violated: Vec<Observation> =
+            free.iter().zip(heights_m).filter(covered).map(|(o, _)| *o).collect();
         if violated.is_empty() {
             return process;
         }
@@ -81,11 +84,10 @@ pub(super) fn estimate(
         Displacement::fit(*process.prior(), &observations)
     });
     let normals = global.vertex_normals();
-    let (heights_m, deviations_m) = process.predict(&global.vertices, &normals);
-    let displace =
-        |((vertex, normal), height_m): ((&Point, &Direction), &f64)| vertex + normal.into_inner() * *height_m;
-    let places = global.vertices.iter().zip(&normals).map(|(p, n)| Place::new(p, n)).collect();
-    let vertices = global.vertices.iter().zip(&normals).zip(&heights_m).map(displace).collect();
+    let places: Vec<Place> = global.vertices.iter().zip(&normals).map(|(p, n)| Place::new(p, n)).collect();
+    let (heights_m, deviations_m) = process.predict(&places);
+    let displaced = |(place, height_m): (&Place, &f64)| Point::from(place.point + place.normal * *height_m);
+    let vertices = places.iter().zip(&heights_m).map(displaced).collect();
     let mesh = TriangleMesh { vertices, faces: global.faces };
 
     // Uncertainty spreads from the attractors as in the paper, as far as the budget asks for, and

@@ -48,7 +48,8 @@ impl Compound {
         let reach = self.reach(&hub);
         sphere.mesh_of(|direction| {
             let ray = self.body.base_from_template * direction.component_mul(&reach);
-            let exit = self.parts().filter_map(|part| part.exit(&hub, &ray)).fold(0.0, f64::max);
+            let farther = |so_far, part: &Superquadric| part.exit(&hub, &ray, so_far).unwrap_or(so_far);
+            let exit = self.parts().fold(0.0, farther);
             hub + ray * exit
         })
     }

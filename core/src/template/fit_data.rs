@@ -66,7 +66,8 @@ impl FitData {
     }
 }
 
-/// For every point of the data the signed distance to the nearest of some parts; infinite for none.
+/// For every point of the data the signed distance to the nearest of some parts; infinite for none,
+/// and for a free point outside the boxes around all of them.
 #[derive(Clone, Debug)]
 pub(super) struct Distances {
     pub(super) surface: Vec<f64>,
@@ -79,9 +80,13 @@ impl Distances {
         let parts: Vec<&Part> = parts.collect();
         let nearest =
             |point: &Vector| parts.iter().map(|part| part.residual(point).0).fold(f64::INFINITY, f64::min);
+        let nearest_of_near = |point: &Vector| {
+            let near = parts.iter().filter(|part| !part.is_beyond(point));
+            near.map(|part| part.residual(point).0).fold(f64::INFINITY, f64::min)
+        };
         Self {
             surface: data.surface.iter().map(|(point, _)| nearest(point)).collect(),
-            free: data.free.iter().map(nearest).collect(),
+            free: data.free.iter().map(nearest_of_near).collect(),
             occupied: data.occupied.iter().map(nearest).collect(),
         }
     }

@@ -109,6 +109,12 @@ impl Part {
         ((gauge.value - 1.0) * per_slope, row)
     }
 
+    /// Whether a point is outside the box around it, and so outside: cheaper than its residual.
+    pub(super) fn is_beyond(&self, point: &Vector) -> bool {
+        let local = self.rotation.inverse_transform_vector(&(point - self.centre));
+        (0..3).any(|axis| local[axis].abs() > self.log_axes[axis].exp())
+    }
+
     /// Fits this part, with the limbs that it holds, while the others of its template stand still
     /// at the given distances.
     pub(super) fn fit(
@@ -154,11 +160,16 @@ impl Part {
             let (residual, row) = at(point, *other);
             equations.add_huber(residual, &row, *weight, HUBER);
         }
-        let free = data.free.iter().zip(&others.free).map(|(point, other)| (point, *other, -1.0));
-        let occupied = data.occupied.iter().zip(&others.occupied).map(|(point, other)| (point, *other, 1.0));
-        for (point, other, wrong_side) in free.chain(occupied) {
-            let (residual, row) = at(point, other);
-            if residual * wrong_side > 0.0 {
+        for (point, other) in data.free.iter().zip(&others.free) {
+            let is_beyond = self.is_beyond(point) && limbs.iter().all(|limb| limb.is_beyond(point));
+            let (residual, row) = if is_beyond { (*other, Row::zeros()) } else { at(point, *other) };
+            if residual < 0.0 {
+                equations.add(residual, &row);
+            }
+        }
+        for (point, other) in data.occupied.iter().zip(&others.occupied) {
+            let (residual, row) = at(point, *other);
+            if residual > 0.0 {
                 equations.add(residual, &row);
             }
         }

@@ -1,7 +1,7 @@
 //! Which template: the selection "in real time" that the paper leaves to the future.
 //!
-//! Every fit goes on from the one before; now and then it also starts afresh from an ellipsoid, a
-//! cylinder about each axis and a box, and tries whether one part more explains the evidence
+//! Every fit goes on from the one before; in its turn it also starts afresh from an ellipsoid, a
+//! cylinder about each axis and a box, or tries whether one part more explains the evidence
 //! better. Parts are counted by the Bayesian information criterion, with some hysteresis, so that
 //! the template does not change with every touch.
 
@@ -18,21 +18,24 @@ use crate::attractor::Attractor;
 use crate::config::Stages;
 use crate::free_space::FreeSpace;
 use crate::geometry::Point;
+use crate::turn::Turn;
 
 const MOST_PARTS: usize = 3;
 const FIRST_STEPS: usize = 60;
 const STEPS: usize = 15;
-/// New starts are tried in the first fits, and then in every so many.
+/// New starts are tried in the first fits, whoever's turn it is.
 const FIRST_FITS: usize = 3;
-const FRESH_EVERY: usize = 4;
-const SPLIT_EVERY: usize = 5;
 /// A fresh start has to lower the cost of the best so far to this share of it.
 const CLEARLY_LOWER: f64 = 0.98;
 /// Another number of parts has to be this much better, in units of the criterion.
 const CLEARLY_BETTER: f64 = 2.0;
-/// How often each part has its turn, in a template that is kept and in one that is new.
+/// How often each part is fitted while the others stand still, in a template that is kept, in every
+/// one that is new, and in the best of these.
 const KEPT_SWEEPS: usize = 2;
-const SPLIT_SWEEPS: usize = 3;
+const FIRST_SWEEPS: usize = 1;
+const FINAL_SWEEPS: usize = 2;
+/// So many new templates are fitted to the end.
+const FINALISTS: usize = 4;
 
 /// A fit of the compound template, with what the next one goes on from.
 #[derive(Clone, Debug)]
@@ -78,7 +81,7 @@ pub fn fit(
             before.map_or_else(|| ellipsoid.clone(), |before| before.single.moved(&before.frame, &frame));
         best = warm.fit(&[], &data, &alone, STEPS);
         let mut starts = vec![ellipsoid.clone()];
-        if fits <= FIRST_FITS || fits.is_multiple_of(FRESH_EVERY) {
+        if fits <= FIRST_FITS || Turn::of(fits) == Turn::Starts {
             starts.extend(starts::squared(&ellipsoid));
             if stages.slab {
                 starts.push(starts::slab(&ellipsoid, attractors, &frame));
@@ -146,14 +149,21 @@ fn select_parts(
         }
     }
     let mut larger = Vec::new();
-    if fits.is_multiple_of(SPLIT_EVERY) {
+    if Turn::of(fits) == Turn::Splits {
         larger.extend(single.splits(data, limbs));
         if chosen.parts.len() > 1 {
             larger.extend(chosen.splits(data, limbs));
         }
     }
-    for candidate in larger.into_iter().filter(|union| union.parts.len() <= MOST_PARTS) {
-        let candidate = candidate.refined(data, SPLIT_SWEEPS);
+    let mut finalists: Vec<(f64, Union)> = larger
+        .into_iter()
+        .filter(|union| union.parts.len() <= MOST_PARTS)
+        .map(|union| union.refined(data, FIRST_SWEEPS))
+        .map(|union| (union.criterion(data), union))
+        .collect();
+    finalists.sort_by(|a, b| a.0.total_cmp(&b.0));
+    for (_, candidate) in finalists.into_iter().take(FINALISTS) {
+        let candidate = candidate.refined(data, FINAL_SWEEPS);
         if candidate.criterion(data) < criterion - CLEARLY_BETTER
             && candidate.is_supported(&single.parts[0], data)
         {

@@ -88,22 +88,31 @@ impl Superquadric {
         sphere.mesh_of(|direction| self.centre + self.offset_towards(direction))
     }
 
-    /// Where a ray leaves the body, in lengths of the ray; `None` where it never enters.
-    pub(super) fn exit(&self, from: &Point, ray: &Vector) -> Option<f64> {
+    /// Where a ray leaves the body, in lengths of the ray; `None` where it does not enter it, or
+    /// leaves it no farther out than `beyond`.
+    pub(super) fn exit(&self, from: &Point, ray: &Vector, beyond: f64) -> Option<f64> {
         let (from, along) = (self.unit_from_base(&(from - self.centre)), self.unit_from_base(ray));
-        // The body lies within the unit cube of its scaled frame, so the ray is outside here. The
-        // gauge is convex along the ray: Newton's steps come down to the exit and never pass it.
-        let mut s = (3.0_f64.sqrt() + from.norm()) / along.norm();
+        // The body lies within the unit cube of its scaled frame. The gauge is convex along the
+        // ray: from where the ray leaves the cube, Newton's steps come down to the exit and never
+        // pass it.
+        let at_side = |side: f64| along.zip_map(&from, |a, f| (side * 1.0_f64.copysign(a) - f) / a);
+        let mut s = at_side(1.0).min();
+        if at_side(-1.0).max() > s {
+            return None;
+        }
         for _ in 0..30 {
+            if s <= beyond {
+                return None;
+            }
             let gauge = Gauge::at(&(from + along * s), self.exponents);
             if gauge.value <= 1.0 + 1e-6 {
                 return Some(s);
             }
             let slope = gauge.by_y.dot(&along);
-            s -= (gauge.value - 1.0) / slope;
-            if slope <= 0.0 || s <= 0.0 {
+            if slope <= 0.0 {
                 return None;
             }
+            s -= (gauge.value - 1.0) / slope;
         }
         Some(s)
     }
@@ -167,11 +176,13 @@ mod tests {
         let shape = box_like();
         let from = shape.centre + Vector::new(0.004, 0.006, -0.01);
         for direction in &Icosphere::get(2).directions {
-            let exit = shape.exit(&from, direction).unwrap();
+            let exit = shape.exit(&from, direction, 0.0).unwrap();
             assert!((shape.gauge(&(from + direction.into_inner() * exit)) - 1.0).abs() < 1e-5);
+            assert!(shape.exit(&from, direction, 0.99 * exit).is_some());
+            assert_eq!(shape.exit(&from, direction, 1.01 * exit), None);
         }
         let aside = shape.centre + Vector::new(0.5, 0.0, 0.0);
-        assert_eq!(shape.exit(&aside, &Vector::new(0.1, 1.0, 0.0)), None);
+        assert_eq!(shape.exit(&aside, &Vector::new(0.1, 1.0, 0.0), 0.0), None);
     }
 
     #[test]
