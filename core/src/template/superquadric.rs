@@ -95,9 +95,11 @@ impl Superquadric {
         // The body lies within the unit cube of its scaled frame. The gauge is convex along the
         // ray: from where the ray leaves the cube, Newton's steps come down to the exit and never
         // pass it.
-        let at_side = |side: f64| along.zip_map(&from, |a, f| (side * 1.0_f64.copysign(a) - f) / a);
-        let mut s = at_side(1.0).min();
-        if at_side(-1.0).max() > s {
+        let at_side =
+            |side: f64, axis: usize| (side * 1.0_f64.copysign(along[axis]) - from[axis]) / along[axis];
+        // Minima and maxima of floats pass over the 0/0 of a ray within a face of the cube.
+        let mut s = (0..3).map(|axis| at_side(1.0, axis)).fold(f64::INFINITY, f64::min);
+        if (0..3).map(|axis| at_side(-1.0, axis)).fold(f64::NEG_INFINITY, f64::max) > s {
             return None;
         }
         for _ in 0..30 {
@@ -183,6 +185,17 @@ mod tests {
         }
         let aside = shape.centre + Vector::new(0.5, 0.0, 0.0);
         assert_eq!(shape.exit(&aside, &Vector::new(0.1, 1.0, 0.0), 0.0), None);
+    }
+
+    #[test]
+    fn a_ray_within_a_face_of_the_box_around_a_body_has_no_exit_that_is_not_a_number() {
+        let shape =
+            Superquadric { centre: Point::origin(), base_from_template: Rotation3::identity(), ..box_like() };
+        // A limb begins at the centre of its host: the hub may lie just there.
+        let from = shape.centre + Vector::new(0.0, 0.0, shape.semi_axes.z);
+        for ray in [Vector::x(), Vector::new(0.3, -0.7, 0.0), -Vector::x(), -Vector::z()] {
+            assert!(shape.exit(&from, &ray, 0.0).is_none_or(f64::is_finite), "{ray}");
+        }
     }
 
     #[test]
