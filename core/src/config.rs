@@ -83,8 +83,14 @@ pub struct Stages {
     /// The length over which confidence halves follows from the object's size and the budget of
     /// touches; otherwise length and edges are those of the paper's method.
     pub step_length: bool,
+    /// Parts run into each other in a fillet; otherwise in an edge.
+    pub fillets: bool,
     /// Places around a failure are less attractive, after their taboo too.
     pub failure_penalty: bool,
+    /// Places where the template is unsure of itself are more attractive.
+    pub template_error: bool,
+    /// Places where a touch is likely to fail are less attractive.
+    pub risk: bool,
 }
 
 impl Default for Stages {
@@ -102,7 +108,10 @@ impl Default for Stages {
             symmetry_first: true,
             surprise: true,
             step_length: true,
+            fillets: true,
             failure_penalty: true,
+            template_error: true,
+            risk: true,
         }
     }
 }

@@ -8,6 +8,7 @@ mod expected_gain;
 mod failures;
 mod proactive;
 mod risk;
+mod template_error;
 mod travel;
 
 use self::travel::Travel;
@@ -154,6 +155,8 @@ pub struct View<'a> {
     pub centre: Point,
     /// The process that the deviations come from, where the method has one.
     pub process: Option<&'a VertexProcess>,
+    /// Standard deviation of the template under each vertex, in metres, where the method knows it.
+    pub template_std_m: Option<&'a [f64]>,
 }
 
 impl View<'_> {

@@ -17,6 +17,9 @@ use crate::turn::Turn;
 /// Displacements are expected to be this large, in metres, as if seen so many times.
 const EXPECTED_M: f64 = 0.008;
 const EXPECTED_COUNT: f64 = 8.0;
+/// As if seen so many times where processes are compared: each may have the size that it asks for,
+/// or one that makes displacements smaller would win for that alone.
+const COMPARED_COUNT: f64 = 0.5;
 /// However far off a touch may be, displacements are not expected to be larger, in metres: the
 /// system stays regular.
 const LARGEST_M: f64 = 0.1;
@@ -79,13 +82,14 @@ impl Question<'_> {
                 let mut guessed = observations.to_vec();
                 self.set_noise(&mut guessed, guess);
                 let fitted = first.refit(EXPECTED_M, &guessed);
-                rescaled(&fitted, touches, &guessed).evidence()
+                rescaled(&fitted, EXPECTED_COUNT, touches, &guessed).evidence()
             });
             self.set_noise(observations, &noise);
         }
 
-        let alone = rescaled(&first.refit(EXPECTED_M, observations), touches, observations);
-        let alone = rescaled(&alone, touches, observations);
+        let alone = first.refit(EXPECTED_M, observations);
+        let alone = rescaled(&alone, EXPECTED_COUNT, touches, observations);
+        let alone = rescaled(&alone, EXPECTED_COUNT, touches, observations);
         let process = self.with_symmetry(alone, touches, observations, before);
         let symmetry = process.prior().fold.symmetry;
         (process, Choice { noise, symmetry, axes: self.body.base_from_template })
@@ -118,14 +122,20 @@ impl Question<'_> {
         };
         // What the caller vouches for needs no further evidence.
         let margin = if self.declared.is_some() { f64::NEG_INFINITY } else { CLEARLY_BETTER };
+        let compared = |process: &Displacement| rescaled(process, COMPARED_COUNT, touches, observations);
+        let plain = compared(&compared(&alone));
         let processes = candidates
             .into_iter()
             .filter(|symmetry| *symmetry != Symmetry::None)
-            .map(|symmetry| alone.with_fold(self.fold(symmetry), observations));
+            .map(|symmetry| plain.with_fold(self.fold(symmetry), observations));
         match processes.max_by(|a, b| a.evidence().total_cmp(&b.evidence())) {
             Some(best) => {
-                let best = rescaled(&best, touches, observations);
-                if best.evidence() > alone.evidence() + margin { best } else { alone }
+                let best = compared(&compared(&best));
+                if best.evidence() > plain.evidence() + margin {
+                    rescaled(&best, EXPECTED_COUNT, touches, observations)
+                } else {
+                    alone
+                }
             }
             None => alone,
         }
@@ -141,10 +151,16 @@ fn has_turned(before: &Choice, axes: &Rotation3<f64>) -> bool {
     (0..3).any(|axis| before.symmetry.is_about(axis) && turn(axis) > TURNED)
 }
 
-/// The same process with the amplitude that its measurements ask for.
-fn rescaled(process: &Displacement, touches: usize, observations: &[Observation]) -> Displacement {
+/// The same process with the amplitude that its measurements ask for, where what is expected of it
+/// counts like so many of them.
+fn rescaled(
+    process: &Displacement,
+    expected_count: f64,
+    touches: usize,
+    observations: &[Observation],
+) -> Displacement {
     let squares = process.surprise() * process.prior().amplitude_m.powi(2);
-    let expected = EXPECTED_COUNT * EXPECTED_M.powi(2);
-    let variance = (expected + squares) / (EXPECTED_COUNT + 4.0 + touches as f64);
+    let expected = expected_count * EXPECTED_M.powi(2);
+    let variance = (expected + squares) / (expected_count + 4.0 + touches as f64);
     process.refit(variance.sqrt().min(LARGEST_M), observations)
 }

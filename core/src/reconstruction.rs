@@ -44,6 +44,7 @@ pub struct Estimate {
     normals: Vec<Direction>,
     process: Option<VertexProcess>,
     choice: Option<Choice>,
+    template_std_m: Option<Vec<f64>>,
 }
 
 /// The template of a method, with how its fit went.
@@ -179,6 +180,7 @@ impl Reconstruction {
             reach: estimate.reach,
             centre: estimate.template.centre(),
             process: estimate.process.as_ref(),
+            template_std_m: estimate.template_std_m.as_deref(),
         })
     }
 
@@ -210,12 +212,17 @@ impl Reconstruction {
 impl Estimate {
     fn new(template: Template, local: LocalReport, surface: Surface, reach: Reach) -> Self {
         let normals = surface.mesh.vertex_normals();
-        Self { template, local, surface, reach, normals, process: None, choice: None }
+        Self { template, local, surface, reach, normals, process: None, choice: None, template_std_m: None }
     }
 
     /// The same with the process that the surface's deviations come from, and how it was chosen.
     fn with_process(self, process: VertexProcess, choice: Choice) -> Self {
         Self { process: Some(process), choice: Some(choice), ..self }
+    }
+
+    /// The same with the template's deviation under each vertex, in metres.
+    fn with_template_std(self, template_std_m: Vec<f64>) -> Self {
+        Self { template_std_m: Some(template_std_m), ..self }
     }
 
     /// The farthest that this surface lies from another along its normals, in metres.

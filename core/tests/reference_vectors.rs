@@ -185,6 +185,7 @@ fn the_next_contact_is_chosen_like_in_the_reference() {
             reach: REACH,
             std_m: None,
             process: None,
+            template_std_m: None,
         };
         let proposal = exploration::propose(&view, &Request { top_k: 8, ..Request::default() });
         let expected = Point::from_slice(&numbers(&reference.file["chosen_xyz"]));

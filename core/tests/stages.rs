@@ -23,12 +23,12 @@ fn part(z: f64, radius: f64, half_height: f64) -> Superquadric {
 
 /// A body with a neck.
 fn bottle() -> Compound {
-    Compound { body: part(0.0, 0.035, 0.08), limbs: vec![part(0.1, 0.014, 0.05)] }
+    Compound { body: part(0.0, 0.035, 0.08), limbs: vec![part(0.1, 0.014, 0.05)], fillets: false }
 }
 
 /// A flat plate, seen from above.
 fn plate() -> Compound {
-    Compound { body: part(0.0, 0.09, 0.005), limbs: Vec::new() }
+    Compound { body: part(0.0, 0.09, 0.005), limbs: Vec::new(), fillets: false }
 }
 
 /// A rough patch, `touches` all over the object, one of them early, and a miss beside it.
@@ -96,15 +96,21 @@ fn an_early_contact_is_an_attractor_only_where_it_is_to_be_kept() {
 }
 
 #[test]
-fn the_penalty_is_a_term_of_the_score_only_where_it_is_in_use() {
+fn a_term_of_the_score_is_there_only_where_it_is_in_use() {
     let log = evidence(&bottle(), 5);
-    let has_term = |stages| {
+    let has_term = |name, stages| {
         let proposal =
             states(&log, stages).last().unwrap().propose(&Request { top_k: 1, ..Request::default() });
-        proposal.candidates[0].terms.iter().any(|term| term.term == "failures")
+        proposal.candidates[0].terms.iter().any(|term| term.term == name)
     };
     let all = Stages::default();
-    assert!(has_term(all) && !has_term(Stages { failure_penalty: false, ..all }));
+    for (name, without) in [
+        ("failures", Stages { failure_penalty: false, ..all }),
+        ("template", Stages { template_error: false, ..all }),
+        ("risk", Stages { risk: false, ..all }),
+    ] {
+        assert!(has_term(name, all) && !has_term(name, without), "{name}");
+    }
 }
 
 #[test]
@@ -124,6 +130,7 @@ fn every_other_stage_changes_the_surface_or_its_uncertainty() {
         Stages { symmetry_first: false, ..all },
         Stages { surprise: false, ..all },
         Stages { step_length: false, ..all },
+        Stages { fillets: false, ..all },
     ] {
         assert!(surfaces(&log, stages) != with_all, "{stages:?}");
     }

@@ -125,6 +125,7 @@ mod tests {
                 reach: Reach { hops: 5, length_m: 0.02 },
                 centre: Point::origin(),
                 process: Some(&process),
+                template_std_m: None,
             };
             let chosen = [5, 17, 250, 641];
             let areas = mesh.vertex_areas();

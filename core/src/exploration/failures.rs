@@ -14,6 +14,9 @@ const TABOO_SHARE: f64 = 0.5;
 const TABOO_CONTACTS: u32 = 3;
 /// A failure makes its surroundings less attractive over this distance, in metres.
 const FAILURE_RADIUS_M: f64 = 0.035;
+/// Half of it is forgotten after so many contacts: the estimate has changed by then, and an end
+/// that was missed once must be touched some day.
+const HALF_LIFE_CONTACTS: f64 = 10.0;
 
 /// Whether a candidate close by failed and too little has been learnt since.
 pub(super) fn is_taboo(view: &View<'_>, vertex: u32) -> bool {
@@ -35,12 +38,16 @@ pub(super) fn leave_out_taboo(view: &View<'_>, vertices: &[u32]) -> (Vec<u32>, u
     (free, taboo)
 }
 
-/// The term for past failures, each counted by its nearness: the estimate is less to be trusted
-/// around them.
+/// The term for past failures, each counted by its nearness and by how little was learnt since: the
+/// estimate is less to be trusted around them.
 pub(super) fn term(view: &View<'_>, vertex: u32) -> ScoreTerm {
     let point = &view.mesh.vertices[vertex as usize];
     let nearness = |square_m2: f64| (-square_m2 / (2.0 * FAILURE_RADIUS_M.powi(2))).exp();
+    let contacts = view.ledger.tallies.contacts;
+    let memory = |before: u32| 0.5_f64.powf(f64::from(contacts - before) / HALF_LIFE_CONTACTS);
     let failures = view.ledger.failures.iter();
-    let value = failures.map(|failure| nearness((failure.point - point).norm_squared())).sum();
+    let value = failures
+        .map(|failure| memory(failure.contacts_before) * nearness((failure.point - point).norm_squared()))
+        .sum();
     ScoreTerm { term: "failures", weight: -1.0, value }
 }

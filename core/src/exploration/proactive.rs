@@ -8,7 +8,7 @@ use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
 use super::travel::Travel;
-use super::{Excluded, Ranked, Ranking, ScoreTerm, View, failures, total};
+use super::{Excluded, Ranked, Ranking, ScoreTerm, View, failures, risk, template_error, total};
 use crate::config::Method;
 use crate::geodesic::Geodesics;
 use crate::uncertainty::{Ring, scaled_hops};
@@ -89,8 +89,11 @@ impl<'a> BestFirst<'a> {
             term("geodesic", view.config.alpha_geodesic, distance),
             term("uncertainty", view.config.alpha_uncertainty, view.uncertainty[vertex as usize]),
         ];
-        if view.config.method == Method::Palpate && view.config.stages.failure_penalty {
-            terms.push(failures::term(view, vertex));
+        if view.config.method == Method::Palpate {
+            let stages = &view.config.stages;
+            terms.extend(stages.template_error.then(|| template_error::term(view, vertex)).flatten());
+            terms.extend(stages.risk.then(|| risk::term(view, vertex)).flatten());
+            terms.extend(stages.failure_penalty.then(|| failures::term(view, vertex)));
         }
         terms.extend(self.travel.map(|travel| travel.term(view, vertex)));
         terms

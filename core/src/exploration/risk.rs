@@ -9,12 +9,25 @@
 //! strategies that avoid failures, each with its `std_m`. They hold for that deviation: where it is
 //! calibrated anew, they are fitted anew, the scale changing inversely.
 
+use super::{ScoreTerm, View};
 use crate::config::Config;
 
 /// The share of candidates whose error follows the law; that of the others is negligible.
 const SHARE: f64 = 0.5;
 /// The law's scale for each metre of deviation.
 const SCALE: f64 = 2.1;
+
+/// A higher risk counts against a candidate, by so much.
+const TAKEN: f64 = 0.15;
+const WEIGHT: f64 = -2.0;
+
+/// The term for a risk that is higher than what exploring always takes; nothing where the method
+/// states no deviation.
+pub(super) fn term(view: &View<'_>, vertex: u32) -> Option<ScoreTerm> {
+    let std_m = view.std_m?[vertex as usize];
+    let value = (of_failure(view.config, std_m) - TAKEN).max(0.0);
+    Some(ScoreTerm { term: "risk", weight: WEIGHT, value })
+}
 
 /// The probability that an approach fails where the surface has the deviation `std_m`, in metres.
 pub(super) fn of_failure(config: &Config, std_m: f64) -> f64 {

@@ -88,6 +88,7 @@ pub(super) fn estimate(
     let (heights_m, deviations_m) = process.predict(&places);
     let displaced = |(place, height_m): (&Place, &f64)| Point::from(place.point + place.normal * *height_m);
     let vertices = places.iter().zip(&heights_m).map(displaced).collect();
+    let template_std_m = global.vertices.iter().map(|vertex| template.deviation_m(vertex)).collect();
     let mesh = TriangleMesh { vertices, faces: global.faces };
 
     // Uncertainty spreads from the attractors as in the paper, as far as the budget asks for, and
@@ -126,6 +127,7 @@ pub(super) fn estimate(
     let surface = Surface { mesh, uncertainty, std_m: Some(std_m) };
     Estimate::new(Template::Compound(Box::new(template)), local, surface, reach)
         .with_process(VertexProcess::new(process, places, deviations_m), choice)
+        .with_template_std(template_std_m)
 }
 
 /// What a point says about the displacement of the template under it.

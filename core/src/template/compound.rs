@@ -7,6 +7,10 @@
 use super::superquadric::Superquadric;
 use crate::geometry::{Icosphere, Point, TriangleMesh, Vector};
 
+/// Parts run into each other over this share of the body's least semi-axis: few real things have
+/// an edge where a neck begins.
+const FILLET: f64 = 0.15;
+
 /// A union of superquadrics.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Compound {
@@ -14,6 +18,8 @@ pub struct Compound {
     pub body: Superquadric,
     /// What else belongs to it.
     pub limbs: Vec<Superquadric>,
+    /// Whether parts run into each other in a fillet; otherwise in an edge.
+    pub fillets: bool,
 }
 
 impl Compound {
@@ -48,10 +54,24 @@ impl Compound {
         let reach = self.reach(&hub);
         sphere.mesh_of(|direction| {
             let ray = self.body.base_from_template * direction.component_mul(&reach);
-            let farther = |so_far, part: &Superquadric| part.exit(&hub, &ray, so_far).unwrap_or(so_far);
-            let exit = self.parts().fold(0.0, farther);
-            hub + ray * exit
+            hub + ray * self.exit(&hub, &ray)
         })
+    }
+
+    /// Where a ray from the hub leaves the union, in lengths of the ray. Where it leaves two parts
+    /// at nearly the same place, it leaves their fillet a little farther out.
+    fn exit(&self, hub: &Point, ray: &Vector) -> f64 {
+        let width = if self.fillets { FILLET * self.body.semi_axes.min() / ray.norm() } else { 0.0 };
+        let (mut last, mut one_before) = (0.0, f64::NEG_INFINITY);
+        for part in self.parts() {
+            match part.exit(hub, ray, f64::max(last - width, 0.0)) {
+                Some(exit) if exit > last => (last, one_before) = (exit, last),
+                Some(exit) => one_before = one_before.max(exit),
+                None => (),
+            }
+        }
+        let overlap = (width - (last - one_before)).max(0.0);
+        if overlap > 0.0 { last + overlap * overlap / (4.0 * width) } else { last }
     }
 
     /// The point inside the body, on the way to a limb, that lies deepest in the union's parts.
@@ -98,7 +118,7 @@ mod tests {
             base_from_template: Rotation3::identity(),
             exponents: [0.2, 1.0],
         };
-        Compound { body: part(0.0, 0.035, 0.09), limbs: vec![part(0.1, 0.013, 0.05)] }
+        Compound { body: part(0.0, 0.035, 0.09), limbs: vec![part(0.1, 0.013, 0.05)], fillets: false }
     }
 
     #[test]
@@ -111,6 +131,25 @@ mod tests {
         let highest = mesh.vertices.iter().map(|v| v.z).fold(0.0, f64::max);
         assert!((highest - 0.15).abs() < 1e-3, "{highest}");
         assert!(mesh.volume() > 0.0);
+    }
+
+    #[test]
+    fn a_fillet_fills_the_corner_and_nothing_else() {
+        let sphere = Icosphere::get(4);
+        let sharp = bottle().mesh(sphere);
+        let round = Compound { fillets: true, ..bottle() };
+        let mut filled = 0;
+        for (before, after) in sharp.vertices.iter().zip(round.mesh(sphere).vertices) {
+            let outwards_m = bottle().distance_m(&after);
+            assert!((-1e-4..0.0035).contains(&outwards_m), "{outwards_m}");
+            if outwards_m > 1e-4 {
+                // The corner is where the neck of 13 mm comes out of the top at 90 mm.
+                let radius_m = (before.x - 0.1).hypot(before.y - 0.2);
+                assert!(radius_m < 0.03 && (0.07..0.11).contains(&before.z), "{before}");
+                filled += 1;
+            }
+        }
+        assert!(filled > 10);
     }
 
     #[test]

@@ -56,6 +56,21 @@ pub struct SelectedFit {
     pub fits: usize,
 }
 
+impl SelectedFit {
+    /// Standard deviation of the template along its normal near a point, by the covariance of the
+    /// nearest part's parameters, in metres.
+    pub fn deviation_m(&self, point: &Point) -> f64 {
+        let local = self.frame.local(point);
+        let of_part = |(part, covariance): (&Part, &Covariance)| {
+            let (distance, row) = part.residual(&local);
+            (distance, row.dot(&(covariance * row)))
+        };
+        let parts = self.parts.iter().zip(&self.covariances).map(of_part);
+        let variance = parts.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(0.0, |(_, variance)| variance);
+        variance.max(0.0).sqrt() * self.frame.length_m
+    }
+}
+
 /// Selects and fits the template. `attractors` may be thinned; each counts.
 pub fn fit(
     attractors: &[Attractor],
@@ -100,7 +115,7 @@ pub fn fit(
     }
 
     let diverged = chosen.parts.iter().any(Part::is_unbounded);
-    let shape = chosen.shape(&frame);
+    let shape = chosen.shape(&frame, stages.fillets);
     SelectedFit {
         chosen: TemplateFit {
             iterations: best.iterations,

@@ -98,9 +98,9 @@ impl Union {
         })
     }
 
-    pub(super) fn shape(&self, frame: &PatchFrame) -> Compound {
+    pub(super) fn shape(&self, frame: &PatchFrame, fillets: bool) -> Compound {
         let mut limbs: Vec<Superquadric> = self.parts.iter().map(|part| part.shape(frame)).collect();
-        Compound { body: limbs.remove(0), limbs }
+        Compound { body: limbs.remove(0), limbs, fillets }
     }
 
     /// Unions with one part more, which may be a limb where `limbs` says so.

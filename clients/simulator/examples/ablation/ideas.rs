@@ -42,6 +42,13 @@ fn all() -> Vec<Choice> {
         row("symmetry_first", "symmetry lets nothing go first", Stages { symmetry_first: false, ..all }),
         row("surprise", "surprise does not count", Stages { surprise: false, ..all }),
         row("step_length", "the paper's reach: 20 mm, 5 edges", Stages { step_length: false, ..all }),
+        row("fillets", "edges between parts, no fillets", Stages { fillets: false, ..all }),
         row("failure_penalty", "no penalty near failures", Stages { failure_penalty: false, ..all }),
+        row(
+            "template_error",
+            "the template's doubt does not attract",
+            Stages { template_error: false, ..all },
+        ),
+        row("risk", "risk does not deter", Stages { risk: false, ..all }),
     ]
 }
