@@ -5,6 +5,7 @@ use std::hint::black_box;
 
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, BenchmarkId, Criterion, criterion_group, criterion_main};
+use nalgebra::UnitQuaternion;
 use palpate_core::attractor::{Attractor, Sense};
 use palpate_core::config::{Config, Method, Settings, Strategy};
 use palpate_core::deformation::{self, ThinPlate};
@@ -13,6 +14,7 @@ use palpate_core::exploration::Request;
 use palpate_core::geometry::{Icosphere, Point, Pose, SurfaceIndex, Vector};
 use palpate_core::reconstruction::Reconstruction;
 use palpate_core::template::ellipsoid;
+use palpate_core::turn::Turn;
 use palpate_core::uncertainty::{self, Reach};
 
 type Group<'a> = BenchmarkGroup<'a, WallTime>;
@@ -25,18 +27,16 @@ const SEEN: usize = 200;
 /// Visual points that METHOD_PALPATE keeps.
 const KEPT: usize = 100;
 
-type Turn = (&'static str, fn(usize) -> bool);
 type Body = (&'static str, fn(&Vector) -> Point);
 
 const BODIES: [Body; 2] = [("box", box_like), ("bottle", bottle)];
 
-/// What METHOD_PALPATE does beyond going on from its last fit takes turns; a predicate tells the
-/// number of a fit in which it is due. Nothing is due in most fits.
-const TURNS: [Turn; 4] = [
-    ("ordinary", |fits| fits % 4 == 2 && fits % 5 != 0),
-    ("all_starts_and_splits", |fits| fits.is_multiple_of(20)),
-    ("noise", |fits| fits % 4 == 1 && fits % 5 != 0),
-    ("symmetries", |fits| fits % 4 == 3 && fits % 5 != 0),
+/// What METHOD_PALPATE does beyond going on from its last fit takes turns.
+const TURNS: [(&str, Turn); 4] = [
+    ("starts", Turn::Starts),
+    ("noise", Turn::Noise),
+    ("splits", Turn::Splits),
+    ("symmetries", Turn::Symmetry),
 ];
 
 /// A box with round edges: one part is enough for it.
@@ -73,9 +73,14 @@ fn attractors_of(on_body: fn(&Vector) -> Point, count: usize) -> Vec<Attractor> 
         .collect()
 }
 
+/// A touch after a free way of the default length, pointing at the middle of the body.
 fn contact(attractor: &Attractor) -> Evidence {
-    let pose = Pose::from(attractor.point);
-    let detail = ContactDetail { uncertainty: Some(attractor.uncertainty), ..ContactDetail::default() };
+    let outwards = attractor.point.coords.normalize();
+    let facing = UnitQuaternion::face_towards(&-outwards, &Vector::new(0.1, 0.2, 0.3));
+    let pose = Pose::from_parts(attractor.point.into(), facing);
+    let swept_from = Some(attractor.point + outwards * Settings::default().probe_half_travel_m);
+    let detail =
+        ContactDetail { uncertainty: Some(attractor.uncertainty), swept_from, ..ContactDetail::default() };
     let contact = Contact::new(pose, Wrench::default(), 0.009, detail).expect("a sound contact");
     Evidence::Attempt(Attempt { target: None, outcome: Outcome::Contact(contact) })
 }
@@ -127,15 +132,16 @@ fn paper_step(criterion: &mut Criterion) {
 fn palpate_step(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("contact_step");
     group.sample_size(20);
-    let mut bench = |(count, subdivisions): (usize, u32), (body, on_body): Body, (turn, is_due): Turn| {
-        let vertices = Icosphere::get(subdivisions as usize).directions.len();
-        let touches = count - SEEN;
-        let views = (1..=20).find(|views| is_due(views + touches)).expect("a turn in twenty fits");
-        let settings = Settings { icosphere_subdivisions: subdivisions, ..Settings::default() };
-        let size = format!("{}x{vertices}", KEPT + touches);
-        let id = BenchmarkId::new(format!("palpate/{body}/{turn}"), size);
-        bench_step(&mut group, id, session_with(settings, &attractors_of(on_body, count), views));
-    };
+    let mut bench =
+        |(count, subdivisions): (usize, u32), (body, on_body): Body, (turn, due): (&str, Turn)| {
+            let vertices = Icosphere::get(subdivisions as usize).directions.len();
+            let touches = count - SEEN;
+            let views = (1..=4).find(|views| Turn::of(views + touches) == due).expect("a turn in four fits");
+            let settings = Settings { icosphere_subdivisions: subdivisions, ..Settings::default() };
+            let size = format!("{}x{vertices}", KEPT + touches);
+            let id = BenchmarkId::new(format!("palpate/{body}/{turn}"), size);
+            bench_step(&mut group, id, session_with(settings, &attractors_of(on_body, count), views));
+        };
     let [usual, larger @ ..] = SIZES_OF_SESSIONS;
     for body in BODIES {
         for turn in TURNS {
@@ -143,7 +149,7 @@ fn palpate_step(criterion: &mut Criterion) {
         }
     }
     for size in larger {
-        bench(size, BODIES[0], TURNS[0]);
+        bench(size, BODIES[0], TURNS[1]);
     }
 }
 

@@ -51,3 +51,49 @@ pub(super) fn term(view: &View<'_>, vertex: u32) -> ScoreTerm {
         .sum();
     ScoreTerm { term: "failures", weight: -1.0, value }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Config;
+    use crate::geometry::{Icosphere, Point, Vector};
+    use crate::ledger::{Failure, Ledger};
+    use crate::uncertainty::Reach;
+
+    #[test]
+    fn a_failure_deters_close_by_and_is_half_forgotten_after_ten_contacts() {
+        let sphere = Icosphere::get(3);
+        let mesh = sphere.mesh_of(|direction| Point::from(direction.into_inner() * 0.1));
+        let nearest = |to: Vector| {
+            (0..mesh.vertices.len() as u32)
+                .max_by(|a, b| {
+                    let along = |vertex: &u32| mesh.vertices[*vertex as usize].coords.dot(&to);
+                    along(a).total_cmp(&along(b))
+                })
+                .unwrap()
+        };
+        let (here, there) = (nearest(Vector::x()), nearest(-Vector::x()));
+        let value = |vertex: u32, contacts: u32| {
+            let mut ledger = Ledger::default();
+            ledger.failures.push(Failure { point: mesh.vertices[here as usize], contacts_before: 3 });
+            ledger.tallies.contacts = contacts;
+            let view = View {
+                config: &Config::default(),
+                ledger: &ledger,
+                sphere,
+                mesh: &mesh,
+                normals: &sphere.directions,
+                uncertainty: &vec![0.5; mesh.vertices.len()],
+                std_m: None,
+                reach: Reach { hops: 5, length_m: 0.02 },
+                centre: Point::origin(),
+                process: None,
+                template_std_m: None,
+            };
+            term(&view, vertex).value
+        };
+        assert_eq!(value(here, 3), 1.0);
+        assert!((value(here, 13) - 0.5).abs() < 1e-12);
+        assert!(value(there, 3) < 1e-6);
+    }
+}

@@ -188,3 +188,29 @@ fn select_parts(
     }
     chosen
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::attractor::Sense;
+    use crate::geometry::{Icosphere, Vector};
+
+    #[test]
+    fn the_template_is_unsure_of_an_end_that_nothing_has_touched() {
+        // The sides of an ellipsoid that stands upright; what was seen of it is one of them.
+        let touches = Icosphere::get(3).directions.iter().filter(|direction| direction.z.abs() < 0.6);
+        let on_side = |direction: &Vector, sense| Attractor {
+            point: Point::from(direction.component_mul(&Vector::new(0.03, 0.03, 0.06))),
+            uncertainty: 0.1,
+            sense,
+        };
+        let attractors: Vec<Attractor> = touches
+            .map(|direction| on_side(direction, if direction.x > 0.8 { Sense::Vision } else { Sense::Touch }))
+            .collect();
+        let camera = Point::new(0.5, 0.0, 0.0);
+        let fit = fit(&attractors, &FreeSpace::default(), Some(&camera), None, &Stages::default());
+        let side_m = fit.deviation_m(&Point::new(0.0, 0.03, 0.0));
+        let end_m = fit.deviation_m(&Point::new(0.0, 0.0, 0.06));
+        assert!(side_m > 0.0 && end_m > 5.0 * side_m, "{side_m} {end_m}");
+    }
+}
