@@ -16,8 +16,8 @@ use crate::cli::Failure;
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Object")]
 pub(in crate::commands) struct ObjectArgs {
-    /// A generated object: bottle, box, can, pear, ball, mug, jar, l-shape, dumbbell, plate, or superquadric-N for
-    /// a random one from the seed N.
+    /// A generated object: bottle, box, can, pear, ball, mug, jar, l-shape, dumbbell, plate,
+    /// strawberry, magnum, or superquadric-N for a random one from the seed N.
     #[arg(long, value_name = "NAME", conflicts_with = "mesh")]
     pub(in crate::commands) object: Option<String>,
 
