@@ -159,6 +159,31 @@ pub struct View<'a> {
     pub template_std_m: Option<&'a [f64]>,
 }
 
+#[cfg(test)]
+impl<'a> View<'a> {
+    /// A view of a mesh with the icosphere's normals, half uncertain everywhere, that knows nothing more.
+    fn plain(
+        config: &'a Config,
+        ledger: &'a Ledger,
+        sphere: &'static Icosphere,
+        mesh: &'a TriangleMesh,
+    ) -> Self {
+        View {
+            config,
+            ledger,
+            sphere,
+            mesh,
+            normals: &sphere.directions,
+            uncertainty: vec![0.5; mesh.vertices.len()].leak(),
+            std_m: None,
+            reach: Reach { hops: 5, length_m: 0.02 },
+            centre: Point::origin(),
+            process: None,
+            template_std_m: None,
+        }
+    }
+}
+
 impl View<'_> {
     /// The way of the probe to a vertex: from outside to inside.
     fn probe_way(&self, vertex: usize) -> (Point, Point) {

@@ -96,7 +96,6 @@ mod tests {
     use crate::geometry::{Icosphere, Point};
     use crate::ledger::Ledger;
     use crate::symmetry::{Fold, Place, Symmetry};
-    use crate::uncertainty::Reach;
     use nalgebra::Rotation3;
 
     #[test]
@@ -114,19 +113,9 @@ mod tests {
             let deviations_m = |seen: &[Observation]| Displacement::fit(prior, seen).predict(&places).1;
             let before = deviations_m(&seen);
             let process = VertexProcess::new(Displacement::fit(prior, &seen), places.clone(), before.clone());
-            let view = View {
-                config: &Config::default(),
-                ledger: &Ledger::default(),
-                sphere,
-                mesh: &mesh,
-                normals: &sphere.directions,
-                uncertainty: &vec![0.5; mesh.vertices.len()],
-                std_m: Some(&before),
-                reach: Reach { hops: 5, length_m: 0.02 },
-                centre: Point::origin(),
-                process: Some(&process),
-                template_std_m: None,
-            };
+            let (config, ledger) = (Config::default(), Ledger::default());
+            let plain = View::plain(&config, &ledger, sphere, &mesh);
+            let view = View { std_m: Some(&before), process: Some(&process), ..plain };
             let chosen = [5, 17, 250, 641];
             let areas = mesh.vertex_areas();
             let variance = |deviations_m: &[f64]| -> f64 {

@@ -58,7 +58,6 @@ mod tests {
     use crate::config::Config;
     use crate::geometry::{Icosphere, Point, Vector};
     use crate::ledger::{Failure, Ledger};
-    use crate::uncertainty::Reach;
 
     #[test]
     fn a_failure_deters_close_by_and_is_half_forgotten_after_ten_contacts() {
@@ -77,19 +76,8 @@ mod tests {
             let mut ledger = Ledger::default();
             ledger.failures.push(Failure { point: mesh.vertices[here as usize], contacts_before: 3 });
             ledger.tallies.contacts = contacts;
-            let view = View {
-                config: &Config::default(),
-                ledger: &ledger,
-                sphere,
-                mesh: &mesh,
-                normals: &sphere.directions,
-                uncertainty: &vec![0.5; mesh.vertices.len()],
-                std_m: None,
-                reach: Reach { hops: 5, length_m: 0.02 },
-                centre: Point::origin(),
-                process: None,
-                template_std_m: None,
-            };
+            let config = Config::default();
+            let view = View::plain(&config, &ledger, sphere, &mesh);
             term(&view, vertex).value
         };
         assert_eq!(value(here, 3), 1.0);

@@ -1,0 +1,73 @@
+//! How alike the displacements of two places are: Matern 3/2 of their distance, damped by the turn of
+//! their normals.
+
+use faer::Mat;
+use wide::f32x8;
+
+use crate::geometry::Vector;
+use crate::symmetry::Place;
+
+/// How strongly a turn of the normal separates two places.
+const TURN: f64 = 1.5;
+/// Kernels that are evaluated at a time.
+const LANES: usize = 8;
+
+/// Adds `variance` times the correlation of every known place (row) with every queried place
+/// (column).
+///
+/// In single precision, eight at a time, and relative to one of the places, so that nothing is
+/// lost far from the frame's origin.
+pub(super) fn add_covariances(
+    cross: &mut Mat<f64>,
+    known: &[Place],
+    queried: &[Place],
+    length_m: f64,
+    variance: f64,
+) {
+    let Some(origin) = known.first().map(|place| place.point) else { return };
+    let narrow = |vector: &Vector| [0, 1, 2].map(|axis| vector[axis] as f32);
+    let split = |place: &Place| (narrow(&(place.point - origin)), narrow(&place.normal));
+    let known: Vec<([f32; 3], [f32; 3])> = known.iter().map(split).collect();
+    let (per_length, turn) = ((3.0_f64.sqrt() / length_m) as f32, TURN as f32);
+    for (block, queries) in queried.chunks(LANES).enumerate() {
+        let queries: Vec<([f32; 3], [f32; 3])> = queries.iter().map(split).collect();
+        let lane = |lane: usize| queries[lane.min(queries.len() - 1)];
+        let points = [0, 1, 2].map(|axis| f32x8::from(std::array::from_fn(|k| lane(k).0[axis])));
+        let normals = [0, 1, 2].map(|axis| f32x8::from(std::array::from_fn(|k| lane(k).1[axis])));
+        for (row, (point, normal)) in known.iter().enumerate() {
+            let [dx, dy, dz] = [0, 1, 2].map(|axis| points[axis] - point[axis]);
+            let [nx, ny, nz] = [0, 1, 2].map(|axis| normals[axis] * normal[axis]);
+            let r = (dx * dx + dy * dy + dz * dz).sqrt() * per_length;
+            let values = (r + 1.0) * ((nx + ny + nz - 1.0) * turn - r).exp();
+            for (lane, value) in values.to_array().into_iter().enumerate().take(queries.len()) {
+                cross[(row, LANES * block + lane)] += variance * f64::from(value);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Icosphere;
+
+    #[test]
+    fn covariances_are_those_of_the_formula_in_double_precision() {
+        let formula = |a: &Place, b: &Place| {
+            let r = 3.0_f64.sqrt() * (a.point - b.point).norm() / 0.03;
+            (1.0 + r) * (-r + TURN * (a.normal.dot(&b.normal) - 1.0)).exp()
+        };
+        // As far from the frame's origin as a workspace may reach.
+        let far = Vector::new(9e3, -8e3, 7e3);
+        let directions = Icosphere::get(3).directions.iter().map(|direction| direction.into_inner());
+        let places: Vec<Place> =
+            directions.map(|normal| Place { point: far + normal * 0.05, normal }).collect();
+        let mut covariances = Mat::zeros(5, places.len());
+        add_covariances(&mut covariances, &places[..5], &places, 0.03, 2.0);
+        for (row, known) in places[..5].iter().enumerate() {
+            for (column, queried) in places.iter().enumerate() {
+                assert!((covariances[(row, column)] - 2.0 * formula(known, queried)).abs() < 1e-6);
+            }
+        }
+    }
+}
