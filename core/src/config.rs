@@ -137,8 +137,9 @@ pub struct Settings {
     pub strategy: Strategy,
     /// Weight of the mean geodesic distance, `a_G` of Eq. (3).
     pub alpha_geodesic: f64,
-    /// Weight of the vertex uncertainty, `a_U` of Eq. (3).
-    pub alpha_uncertainty: f64,
+    /// Weight of the vertex uncertainty, `a_U` of Eq. (3); `None` for the method's own: 1 in the paper,
+    /// 2 otherwise.
+    pub alpha_uncertainty: Option<f64>,
     /// Weight of the way from the tool to where an approach starts, as a share of the object's size.
     pub alpha_travel: f64,
     /// A vertex at or below this uncertainty is confident, `u'_max` of Eq. (3).
@@ -149,9 +150,8 @@ pub struct Settings {
     pub visual_uncertainty: f64,
     /// Uncertainty of a contact at the rim of the pad, `u_max` of Eq. (1).
     pub tactile_u_max: f64,
-    /// How far an attractor's uncertainty spreads, in edges of the mesh with 2562 vertices; `None`
-    /// for the method's own: 5 in the paper, 8 otherwise.
-    pub propagation_hops: Option<u32>,
+    /// How far an attractor's uncertainty spreads, in edges of the mesh with 2562 vertices.
+    pub propagation_hops: u32,
     /// Length over which confidence halves, in metres; `None` for the method's own: 0.020 for
     /// the paper's, otherwise from the size of the object and the budget of touches.
     pub propagation_length_m: Option<f64>,
@@ -177,13 +177,13 @@ impl Default for Settings {
             method: Method::default(),
             strategy: Strategy::Proactive,
             alpha_geodesic: 1.0,
-            alpha_uncertainty: 1.0,
+            alpha_uncertainty: None,
             alpha_travel: 0.0,
             confident_max: 0.6,
             candidate_min: 0.5,
             visual_uncertainty: 0.4,
             tactile_u_max: 0.2,
-            propagation_hops: None,
+            propagation_hops: 5,
             propagation_length_m: None,
             probe_half_travel_m: 0.015,
             failure_distance_m: 0.015,
@@ -211,7 +211,7 @@ impl Config {
         let weight = 0.0..=1e3;
         for (field, value, range) in [
             ("alpha_geodesic", settings.alpha_geodesic, &weight),
-            ("alpha_uncertainty", settings.alpha_uncertainty, &weight),
+            ("alpha_uncertainty", settings.alpha_uncertainty.unwrap_or(1.0), &weight),
             ("alpha_travel", settings.alpha_travel, &weight),
             ("confident_max", settings.confident_max, &unit),
             ("candidate_min", settings.candidate_min, &unit),
@@ -228,7 +228,7 @@ impl Config {
                 return Err(FieldError { field, reason, non_finite: !value.is_finite() });
             }
         }
-        if !(1..=50).contains(&settings.propagation_hops.unwrap_or(1)) {
+        if !(1..=50).contains(&settings.propagation_hops) {
             return Err(FieldError::invalid("propagation_hops", "must be between 1 and 50 edges"));
         }
         let subdivisions = settings.icosphere_subdivisions;
@@ -255,6 +255,14 @@ impl Config {
             return Err(FieldError::invalid("alpha_travel", reason));
         }
         Ok(Self(settings))
+    }
+
+    /// Weight of the vertex uncertainty, as configured or the method's own.
+    pub fn alpha_uncertainty(&self) -> f64 {
+        self.0.alpha_uncertainty.unwrap_or(match self.0.method {
+            Method::Paper => 1.0,
+            Method::Palpate => 2.0,
+        })
     }
 }
 

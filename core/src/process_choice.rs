@@ -11,7 +11,7 @@ use crate::config::{Stages, Symmetry as Declared};
 use crate::displacement::{Displacement, Observation, Prior};
 use crate::noise::Noise;
 use crate::symmetry::{Fold, Symmetry};
-use crate::template::Superquadric;
+use crate::template::Compound;
 use crate::turn::Turn;
 
 /// Displacements are expected to be this large, in metres, as if seen so many times.
@@ -24,10 +24,13 @@ const COMPARED_COUNT: f64 = 0.5;
 /// system stays regular.
 const LARGEST_M: f64 = 0.1;
 /// The evidence for a symmetry has to be this much better, in nats.
-const CLEARLY_BETTER: f64 = 10.0;
+const CLEARLY_BETTER: f64 = 3.0;
 /// So many touches are needed before noise is asked for, and before symmetry is.
 const TOUCHES_FOR_NOISE: usize = 5;
 const TOUCHES_FOR_SYMMETRY: usize = 8;
+/// A template has a symmetry if what the symmetry brings together lies this close on average, in
+/// sizes of its body.
+const ASYMMETRY: f64 = 0.03;
 /// A symmetry whose axes have turned by more than this is another one, in radians.
 const TURNED: f64 = 0.2;
 
@@ -49,8 +52,8 @@ pub(crate) struct Question<'a> {
     pub(crate) attractors: &'a [Attractor],
     /// Over what length displacements are alike, in metres.
     pub(crate) length_m: f64,
-    /// The body of the template.
-    pub(crate) body: &'a Superquadric,
+    /// The template.
+    pub(crate) shape: &'a Compound,
     /// How many fits there were, this one included.
     pub(crate) fits: usize,
     /// What the caller vouches for.
@@ -61,7 +64,8 @@ pub(crate) struct Question<'a> {
 
 impl Question<'_> {
     fn fold(&self, symmetry: Symmetry) -> Fold {
-        Fold { centre: self.body.centre, axes: self.body.base_from_template, symmetry }
+        let body = &self.shape.body;
+        Fold { centre: body.centre, axes: body.base_from_template, symmetry }
     }
 
     /// Conditions the process on the attractors' observations, whose noise is set here.
@@ -82,23 +86,29 @@ impl Question<'_> {
                 let mut guessed = observations.to_vec();
                 self.set_noise(&mut guessed, guess);
                 let fitted = first.refit(EXPECTED_M, &guessed);
-                rescaled(&fitted, EXPECTED_COUNT, touches, &guessed).evidence()
+                rescaled(&fitted, EXPECTED_COUNT, &guessed).evidence()
             });
             self.set_noise(observations, &noise);
         }
 
         let alone = first.refit(EXPECTED_M, observations);
-        let alone = rescaled(&alone, EXPECTED_COUNT, touches, observations);
-        let alone = rescaled(&alone, EXPECTED_COUNT, touches, observations);
+        let alone = rescaled(&alone, EXPECTED_COUNT, observations);
+        let alone = rescaled(&alone, EXPECTED_COUNT, observations);
         let process = self.with_symmetry(alone, touches, observations, before);
         let symmetry = process.prior().fold.symmetry;
-        (process, Choice { noise, symmetry, axes: self.body.base_from_template })
+        (process, Choice { noise, symmetry, axes: self.shape.body.base_from_template })
     }
 
     fn set_noise(&self, observations: &mut [Observation], noise: &Noise) {
         for (observation, attractor) in observations.iter_mut().zip(self.attractors) {
             observation.noise_m = noise.of_m(attractor.sense, attractor.uncertainty);
         }
+    }
+
+    /// Whether the template has the symmetry, or the caller vouches for it: what is alike on a body
+    /// that is not is so by chance.
+    fn is_possible(&self, symmetry: Symmetry) -> bool {
+        self.declared.is_some() || self.shape.asymmetry_m(symmetry) < ASYMMETRY * self.shape.body.size_m()
     }
 
     /// The process with the symmetry under which the measurements are clearly the most likely.
@@ -114,7 +124,7 @@ impl Question<'_> {
             return alone;
         }
         let same = before
-            .filter(|before| !has_turned(before, &self.body.base_from_template))
+            .filter(|before| !has_turned(before, &self.shape.body.base_from_template))
             .map(|before| before.symmetry);
         let candidates = match same {
             Some(symmetry) if Turn::of(self.fits) != Turn::Symmetry => vec![symmetry],
@@ -122,17 +132,17 @@ impl Question<'_> {
         };
         // What the caller vouches for needs no further evidence.
         let margin = if self.declared.is_some() { f64::NEG_INFINITY } else { CLEARLY_BETTER };
-        let compared = |process: &Displacement| rescaled(process, COMPARED_COUNT, touches, observations);
+        let compared = |process: &Displacement| rescaled(process, COMPARED_COUNT, observations);
         let plain = compared(&compared(&alone));
         let processes = candidates
             .into_iter()
-            .filter(|symmetry| *symmetry != Symmetry::None)
+            .filter(|symmetry| *symmetry != Symmetry::None && self.is_possible(*symmetry))
             .map(|symmetry| plain.with_fold(self.fold(symmetry), observations));
         match processes.max_by(|a, b| a.evidence().total_cmp(&b.evidence())) {
             Some(best) => {
                 let best = compared(&compared(&best));
                 if best.evidence() > plain.evidence() + margin {
-                    rescaled(&best, EXPECTED_COUNT, touches, observations)
+                    rescaled(&best, EXPECTED_COUNT, observations)
                 } else {
                     alone
                 }
@@ -153,14 +163,9 @@ fn has_turned(before: &Choice, axes: &Rotation3<f64>) -> bool {
 
 /// The same process with the amplitude that its measurements ask for, where what is expected of it
 /// counts like so many of them.
-fn rescaled(
-    process: &Displacement,
-    expected_count: f64,
-    touches: usize,
-    observations: &[Observation],
-) -> Displacement {
-    let squares = process.surprise() * process.prior().amplitude_m.powi(2);
+fn rescaled(process: &Displacement, expected_count: f64, observations: &[Observation]) -> Displacement {
+    let (squares, determined) = process.determined(observations);
     let expected = expected_count * EXPECTED_M.powi(2);
-    let variance = (expected + squares) / (expected_count + 4.0 + touches as f64);
+    let variance = (expected + squares * process.prior().amplitude_m.powi(2)) / (expected_count + determined);
     process.refit(variance.sqrt().min(LARGEST_M), observations)
 }

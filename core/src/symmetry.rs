@@ -4,7 +4,9 @@
 //! it is a share of the displacement's variance that mirrored or rotated places have in common, so
 //! what breaks it is still found, and it is taken up only when the evidence speaks for it.
 
-use nalgebra::Rotation3;
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
+
+use nalgebra::{Matrix3, Rotation3, Unit};
 
 use crate::config::Symmetry as Declared;
 use crate::geometry::{Direction, Point, Vector};
@@ -29,6 +31,27 @@ impl Symmetry {
             None => revolutions.chain(mirrors).collect(),
             Some(Declared::Revolution) => revolutions.collect(),
             Some(Declared::Mirror) => mirrors.take(3).collect(),
+        }
+    }
+
+    /// Motions, about the axes of a template, that bring a body of this symmetry onto itself; enough
+    /// of them to tell one.
+    pub(crate) fn motions(self) -> Vec<Matrix3<f64>> {
+        match self {
+            Self::None => Vec::new(),
+            Self::Mirror(planes) => {
+                let across = |axis: usize| {
+                    let mut motion = Matrix3::identity();
+                    motion[(axis, axis)] = -1.0;
+                    motion
+                };
+                (0..3).filter(|axis| planes[*axis]).map(across).collect()
+            }
+            Self::Revolution(axis) => {
+                let about = Unit::new_unchecked(Vector::ith(axis, 1.0));
+                let turn = |angle: f64| Rotation3::from_axis_angle(&about, angle).into_inner();
+                vec![turn(FRAC_PI_4), turn(FRAC_PI_2)]
+            }
         }
     }
 

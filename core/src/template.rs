@@ -8,6 +8,7 @@
 pub mod compound;
 pub mod covariance;
 pub mod ellipsoid;
+mod field;
 mod fit_data;
 mod limb;
 mod part;

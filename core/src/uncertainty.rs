@@ -88,8 +88,11 @@ pub fn propagate_by_symmetry(
     // What is lent is at most this much confidence, so the others cannot become more certain by it.
     for (u, place) in uncertainty.iter_mut().zip(folded).filter(|(u, _)| **u > 1.0 - BY_SYMMETRY) {
         for (other, at, reach) in &known {
-            let confidence = 1.0 - reach.spread(*at, (place.point - other.point).norm());
-            *u = u.min(1.0 - BY_SYMMETRY * other.normal.dot(&place.normal).max(0.0) * confidence);
+            let facing = other.normal.dot(&place.normal);
+            if facing > 0.0 {
+                let confidence = 1.0 - reach.spread(*at, (place.point - other.point).norm());
+                *u = u.min(1.0 - BY_SYMMETRY * facing * confidence);
+            }
         }
     }
 }

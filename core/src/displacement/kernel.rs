@@ -15,10 +15,10 @@ const LANES: usize = 8;
 /// Adds `variance` times the correlation of every known place (row) with every queried place
 /// (column).
 ///
-/// In single precision, eight at a time, and relative to one of the places, so that nothing is
-/// lost far from the frame's origin.
+/// In single precision, eight known places at a time, and relative to one of them, so that nothing
+/// is lost far from the frame's origin.
 pub(super) fn add_covariances(
-    cross: &mut Mat<f64>,
+    cross: &mut Mat<f32>,
     known: &[Place],
     queried: &[Place],
     length_m: f64,
@@ -27,20 +27,25 @@ pub(super) fn add_covariances(
     let Some(origin) = known.first().map(|place| place.point) else { return };
     let narrow = |vector: &Vector| [0, 1, 2].map(|axis| vector[axis] as f32);
     let split = |place: &Place| (narrow(&(place.point - origin)), narrow(&place.normal));
-    let known: Vec<([f32; 3], [f32; 3])> = known.iter().map(split).collect();
-    let (per_length, turn) = ((3.0_f64.sqrt() / length_m) as f32, TURN as f32);
-    for (block, queries) in queried.chunks(LANES).enumerate() {
-        let queries: Vec<([f32; 3], [f32; 3])> = queries.iter().map(split).collect();
-        let lane = |lane: usize| queries[lane.min(queries.len() - 1)];
-        let points = [0, 1, 2].map(|axis| f32x8::from(std::array::from_fn(|k| lane(k).0[axis])));
-        let normals = [0, 1, 2].map(|axis| f32x8::from(std::array::from_fn(|k| lane(k).1[axis])));
-        for (row, (point, normal)) in known.iter().enumerate() {
+    let blocks: Vec<([f32x8; 3], [f32x8; 3])> = known
+        .chunks(LANES)
+        .map(|places| {
+            let lanes: [_; LANES] = std::array::from_fn(|lane| split(&places[lane.min(places.len() - 1)]));
+            let points = [0, 1, 2].map(|axis| f32x8::from(lanes.map(|(point, _)| point[axis])));
+            let normals = [0, 1, 2].map(|axis| f32x8::from(lanes.map(|(_, normal)| normal[axis])));
+            (points, normals)
+        })
+        .collect();
+    let (per_length, turn, variance) = ((3.0_f64.sqrt() / length_m) as f32, TURN as f32, variance as f32);
+    for (column, query) in queried.iter().enumerate() {
+        let (point, normal) = split(query);
+        for ((points, normals), sums) in blocks.iter().zip(cross.col_as_slice_mut(column).chunks_mut(LANES)) {
             let [dx, dy, dz] = [0, 1, 2].map(|axis| points[axis] - point[axis]);
             let [nx, ny, nz] = [0, 1, 2].map(|axis| normals[axis] * normal[axis]);
             let r = (dx * dx + dy * dy + dz * dz).sqrt() * per_length;
-            let values = (r + 1.0) * ((nx + ny + nz - 1.0) * turn - r).exp();
-            for (lane, value) in values.to_array().into_iter().enumerate().take(queries.len()) {
-                cross[(row, LANES * block + lane)] += variance * f64::from(value);
+            let values = (r + 1.0) * ((nx + ny + nz - 1.0) * turn - r).exp() * variance;
+            for (sum, value) in sums.iter_mut().zip(values.to_array()) {
+                *sum += value;
             }
         }
     }
@@ -66,7 +71,7 @@ mod tests {
         add_covariances(&mut covariances, &places[..5], &places, 0.03, 2.0);
         for (row, known) in places[..5].iter().enumerate() {
             for (column, queried) in places.iter().enumerate() {
-                assert!((covariances[(row, column)] - 2.0 * formula(known, queried)).abs() < 1e-6);
+                assert!((f64::from(covariances[(row, column)]) - 2.0 * formula(known, queried)).abs() < 1e-6);
             }
         }
     }

@@ -72,7 +72,7 @@ fn expected_gains(view: &View<'_>, places: &[u32]) -> Vec<f64> {
         let of_place = variance(places[row]);
         let learnt = of_place / (of_place + NOISE_M * NOISE_M);
         let removed = observed.iter().enumerate().map(|(column, &vertex)| {
-            areas[vertex as usize] * variance(vertex) * correlation[(row, column)].powi(2)
+            areas[vertex as usize] * variance(vertex) * f64::from(correlation[(row, column)]).powi(2)
         });
         learnt * removed.sum::<f64>() / total
     };

@@ -65,17 +65,22 @@ impl<'a> BestFirst<'a> {
             .collect();
         bounds.sort_by(|a, b| b.0.total_cmp(&a.0));
         let mut largest_m = 0.0_f64;
+        let mut measured = Vec::new();
         for (bound_m, vertex) in &bounds {
             if *bound_m <= largest_m {
                 break;
             }
-            largest_m = largest_m.max(frontier.mean_geodesic_m(*vertex).unwrap_or(0.0));
+            let mean_m = frontier.mean_geodesic_m(*vertex);
+            largest_m = largest_m.max(mean_m.unwrap_or(0.0));
+            measured.push(mean_m);
         }
         let mut ranking = Self { frontier, largest_m, travel, waiting: BinaryHeap::new() };
-        for (bound_m, vertex) in bounds {
+        for (index, (bound_m, vertex)) in bounds.into_iter().enumerate() {
+            let measured = measured.get(index).copied();
             // No measured distance exceeds the largest, whatever its bound.
-            let score = total(&ranking.terms(vertex, bound_m.min(largest_m)));
-            ranking.waiting.push(Scored { score, measured: None, vertex });
+            let most_m = measured.map_or(bound_m.min(largest_m), |mean_m| mean_m.unwrap_or(0.0));
+            let score = total(&ranking.terms(vertex, most_m));
+            ranking.waiting.push(Scored { score, measured, vertex });
         }
         ranking
     }
@@ -87,7 +92,7 @@ impl<'a> BestFirst<'a> {
         let term = |term, weight, value| ScoreTerm { term, weight, value };
         let mut terms = vec![
             term("geodesic", view.config.alpha_geodesic, distance),
-            term("uncertainty", view.config.alpha_uncertainty, view.uncertainty[vertex as usize]),
+            term("uncertainty", view.config.alpha_uncertainty(), view.uncertainty[vertex as usize]),
         ];
         if view.config.method == Method::Palpate {
             let stages = &view.config.stages;

@@ -16,7 +16,6 @@ use crate::uncertainty::{self, Reach};
 
 /// Visual points that are kept: they lie so close that more of them tell nothing new.
 const VISUAL_POINTS: usize = 100;
-const HOPS: u32 = 8;
 /// The budget of touches where none is configured.
 const BUDGET: u32 = 50;
 /// Noise of a point that is merely known to be free, and what of it may be covered, in metres.
@@ -60,7 +59,7 @@ pub(super) fn estimate(
     let question = Question {
         attractors: &measured,
         length_m: CORRELATION * (global.area() / (4.0 * std::f64::consts::PI)).sqrt(),
-        body: &template.chosen.shape.body,
+        shape: &template.chosen.shape,
         fits: template.fits,
         declared: config.symmetry,
         stages,
@@ -88,19 +87,15 @@ pub(super) fn estimate(
     let (heights_m, deviations_m) = process.predict(&places);
     let displaced = |(place, height_m): (&Place, &f64)| Point::from(place.point + place.normal * *height_m);
     let vertices = places.iter().zip(&heights_m).map(displaced).collect();
-    let template_std_m = global.vertices.iter().map(|vertex| template.deviation_m(vertex)).collect();
+    let template_std_m = template.deviations_m(&global.vertices);
     let mesh = TriangleMesh { vertices, faces: global.faces };
 
     // Uncertainty spreads from the attractors as in the paper, as far as the budget asks for, and
     // less far from those that came as a surprise.
-    let own_reach = if stages.step_length {
-        Reach { hops: HOPS, length_m: step_length_m(mesh.area(), config) }
-    } else {
-        paper::REACH
-    };
+    let own_length_m = if stages.step_length { step_length_m(mesh.area(), config) } else { paper::LENGTH_M };
     let reach = Reach {
-        hops: config.propagation_hops.unwrap_or(own_reach.hops),
-        length_m: config.propagation_length_m.unwrap_or(own_reach.length_m),
+        hops: config.propagation_hops,
+        length_m: config.propagation_length_m.unwrap_or(own_length_m),
     };
     let surprises_m = process.left_out_m();
     let share = |index: usize| match attractors[index].sense {

@@ -8,8 +8,8 @@ use crate::ledger::Ledger;
 use crate::template::ellipsoid;
 use crate::uncertainty::{self, Reach};
 
-/// How far an attractor's confidence spreads; the paper does not give the length.
-pub(super) const REACH: Reach = Reach { hops: 5, length_m: 0.020 };
+/// The length over which confidence halves, in metres; the paper does not give it.
+pub(super) const LENGTH_M: f64 = 0.020;
 
 pub(super) fn estimate(
     ledger: &Ledger,
@@ -34,10 +34,8 @@ pub(super) fn estimate(
     let mesh = plate.displace(&global, &global.vertex_normals());
 
     // Section III-F: uncertainty spreads from the attractors.
-    let reach = Reach {
-        hops: config.propagation_hops.unwrap_or(REACH.hops),
-        length_m: config.propagation_length_m.unwrap_or(REACH.length_m),
-    };
+    let reach =
+        Reach { hops: config.propagation_hops, length_m: config.propagation_length_m.unwrap_or(LENGTH_M) };
     let uncertainty = uncertainty::propagate(sphere, &mesh.vertices, attractors, reach, |_| 1.0);
 
     let local = LocalReport { residual_m: report.residual_m, condition: report.condition };

@@ -4,12 +4,18 @@
 //! its hub, so that it keeps the icosphere's faces whatever the number of its parts; what the hub
 //! cannot see is bridged over.
 
+use nalgebra::Matrix3;
+
 use super::superquadric::Superquadric;
 use crate::geometry::{Icosphere, Point, TriangleMesh, Vector};
+use crate::symmetry::Symmetry;
 
 /// Parts run into each other over this share of the body's least semi-axis: few real things have
 /// an edge where a neck begins.
 const FILLET: f64 = 0.15;
+
+/// What lies deeper in the union than this is not its surface, in metres.
+const VISIBLE_M: f64 = 1e-6;
 
 /// A union of superquadrics.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,6 +37,24 @@ impl Compound {
     /// The signed distance to first order, that of the nearest part, in metres.
     pub fn distance_m(&self, point: &Point) -> f64 {
         self.parts().map(|part| part.distance_m(point)).fold(f64::INFINITY, f64::min)
+    }
+
+    /// How far it is from having a symmetry about the axes of its body: the mean distance from the
+    /// surface of what the symmetry should leave on it, in metres, under the worst of its motions.
+    pub(crate) fn asymmetry_m(&self, symmetry: Symmetry) -> f64 {
+        let directions = &Icosphere::get(1).directions;
+        let points =
+            self.parts().flat_map(|part| directions.iter().map(|d| part.centre + part.offset_towards(d)));
+        let visible: Vec<Point> = points.filter(|point| self.distance_m(point) > -VISIBLE_M).collect();
+        let (centre, axes) = (self.body.centre, self.body.base_from_template);
+        let moved = |motion: &Matrix3<f64>, point: &Point| {
+            centre + axes * (motion * axes.inverse_transform_vector(&(point - centre)))
+        };
+        let of = |motion: &Matrix3<f64>| {
+            let distances = visible.iter().map(|point| self.distance_m(&moved(motion, point)).abs());
+            distances.sum::<f64>() / visible.len() as f64
+        };
+        symmetry.motions().iter().map(of).fold(0.0, f64::max)
     }
 
     /// What it looks like, in a word.

@@ -20,9 +20,9 @@ const EXPECTED_DEVIATION: [f64; 11] = [1.0, 1.0, 1.0, 0.5, 0.5, 0.5, 1.0, 1.0, 1
 impl Part {
     /// What the points of the surface that this part is nearest to say about its parameters.
     fn information(&self, data: &FitData, others: &Distances) -> Freedom {
-        let mut equations = NormalEquations::zero();
+        let (mut equations, field) = (NormalEquations::zero(), self.field());
         for ((point, weight), other) in data.surface.iter().zip(&others.surface) {
-            let (residual, row) = self.residual(point);
+            let (residual, row) = field.residual(point);
             if residual <= *other {
                 equations.add_huber(residual, &row, *weight, HUBER);
             }

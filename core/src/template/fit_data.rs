@@ -1,6 +1,7 @@
 //! What a template is fitted to, and how far it is from a template.
 
 use super::PatchFrame;
+use super::field::Field;
 use super::part::Part;
 use crate::attractor::{Attractor, Sense};
 use crate::free_space::FreeSpace;
@@ -77,7 +78,7 @@ pub(super) struct Distances {
 
 impl Distances {
     pub(super) fn to<'a>(parts: impl Iterator<Item = &'a Part>, data: &FitData) -> Self {
-        let parts: Vec<&Part> = parts.collect();
+        let parts: Vec<Field<'_>> = parts.map(Part::field).collect();
         let nearest =
             |point: &Vector| parts.iter().map(|part| part.residual(point).0).fold(f64::INFINITY, f64::min);
         let nearest_of_near = |point: &Vector| {

@@ -117,9 +117,9 @@ mod tests {
         let point = Vector::new(1.9, 0.4, -0.7);
         for (axis, side) in [(0, 1.0), (1, -1.0), (2, -1.0)] {
             let limb = part(Some(Along { axis, side })).held_by(&host);
-            let (_, own) = limb.residual(&point);
+            let (_, own) = limb.field().residual(&point);
             let row = limb.row_of_host(&host, &own);
-            let distance = |host: &Part| limb.clone().held_by(host).residual(&point).0;
+            let distance = |host: &Part| limb.clone().held_by(host).field().residual(&point).0;
             for k in [0, 1, 2, 6, 7, 8] {
                 let mut step = Row::zeros();
                 step[k] = 1e-6;

@@ -7,9 +7,10 @@
 
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector};
 
+use super::field::Field;
 use super::fit_data::{Distances, FitData, HUBER};
 use super::limb::Along;
-use super::superquadric::{Gauge, Superquadric};
+use super::superquadric::Superquadric;
 use super::{LOG_SIZE, PatchFrame, clamp_log_size};
 use crate::geometry::Vector;
 use crate::least_squares::{Minimum, NormalEquations, minimise};
@@ -86,33 +87,9 @@ impl Part {
         self.log_axes.max() >= LOG_SIZE.1
     }
 
-    /// The signed distance to first order, with its derivatives by centre, logarithmic semi-axes, a
-    /// rotation applied on the right, and the exponents.
-    ///
-    /// The derivative of the slope in the denominator is left out: it vanishes on the surface.
-    pub(super) fn residual(&self, point: &Vector) -> (f64, Row) {
-        let inverse_axes = self.log_axes.map(|p| (-p).exp());
-        let local = self.rotation.inverse_transform_vector(&(point - self.centre));
-        let y = local.component_mul(&inverse_axes);
-        let gauge = Gauge::at(&y, self.exponents);
-        let slope = gauge.by_y.component_mul(&inverse_axes);
-        let per_slope = slope.norm().max(1e-12).recip();
-        let by_centre = self.rotation * slope * -per_slope;
-        let by_log_axes = gauge.by_y.component_mul(&y) * -per_slope;
-        let by_rotation = slope.cross(&local) * per_slope;
-        let row = SVector::from_fn(|k, _| match k {
-            0..3 => by_centre[k],
-            3..6 => by_log_axes[k - 3],
-            6..9 => by_rotation[k - 6],
-            _ => gauge.by_exponents[k - 9] * per_slope,
-        });
-        ((gauge.value - 1.0) * per_slope, row)
-    }
-
-    /// Whether a point is outside the box around it, and so outside: cheaper than its residual.
-    pub(super) fn is_beyond(&self, point: &Vector) -> bool {
-        let local = self.rotation.inverse_transform_vector(&(point - self.centre));
-        (0..3).any(|axis| local[axis].abs() > self.log_axes[axis].exp())
+    /// Its signed distance, to be asked for at many points.
+    pub(super) fn field(&self) -> Field<'_> {
+        Field::of(self)
     }
 
     /// Fits this part, with the limbs that it holds, while the others of its template stand still
@@ -144,13 +121,14 @@ impl Part {
         others: &Distances,
     ) -> NormalEquations<11> {
         let limbs: Vec<Self> = limbs.iter().map(|limb| limb.clone().held_by(self)).collect();
+        let (own, limb_fields) = (self.field(), limbs.iter().map(Self::field).collect::<Vec<_>>());
         // A union is as near as its nearest part; where that is another, this one changes nothing.
         let at = |point: &Vector, other: f64| {
-            let mut nearest = self.residual(point);
-            for limb in &limbs {
+            let mut nearest = own.residual(point);
+            for limb in &limb_fields {
                 let (residual, row) = limb.residual(point);
                 if residual < nearest.0 {
-                    nearest = (residual, limb.row_of_host(self, &row));
+                    nearest = (residual, limb.part.row_of_host(self, &row));
                 }
             }
             if nearest.0 <= other { nearest } else { (other, Row::zeros()) }
@@ -161,7 +139,7 @@ impl Part {
             equations.add_huber(residual, &row, *weight, HUBER);
         }
         for (point, other) in data.free.iter().zip(&others.free) {
-            let is_beyond = self.is_beyond(point) && limbs.iter().all(|limb| limb.is_beyond(point));
+            let is_beyond = own.is_beyond(point) && limb_fields.iter().all(|limb| limb.is_beyond(point));
             let (residual, row) = if is_beyond { (*other, Row::zeros()) } else { at(point, *other) };
             if residual < 0.0 {
                 equations.add(residual, &row);

@@ -8,16 +8,17 @@
 use super::compound::Compound;
 use super::covariance::Covariance;
 use super::ellipsoid::{self, Ellipsoid};
+use super::field::Field;
 use super::fit_data::{Distances, FitData};
 use super::part::Part;
 use super::starts;
 use super::superquadric::Superquadric;
-use super::union::Union;
+use super::union::{Effort, Union};
 use super::{PatchFrame, TemplateFit, root_mean_square};
 use crate::attractor::Attractor;
 use crate::config::Stages;
 use crate::free_space::FreeSpace;
-use crate::geometry::Point;
+use crate::geometry::{Point, Vector};
 use crate::turn::Turn;
 
 const MOST_PARTS: usize = 3;
@@ -29,11 +30,10 @@ const FIRST_FITS: usize = 3;
 const CLEARLY_LOWER: f64 = 0.98;
 /// Another number of parts has to be this much better, in units of the criterion.
 const CLEARLY_BETTER: f64 = 2.0;
-/// How often each part is fitted while the others stand still, in a template that is kept, in every
-/// one that is new, and in the best of these.
-const KEPT_SWEEPS: usize = 2;
-const FIRST_SWEEPS: usize = 1;
-const FINAL_SWEEPS: usize = 2;
+/// How thoroughly the parts of a template are fitted while it is kept or among the best of the new
+/// ones, and when it is one of many new ones.
+const FULL: Effort = Effort { sweeps: 2, steps: 5 };
+const QUICK: Effort = Effort { sweeps: 1, steps: 3 };
 /// So many new templates are fitted to the end.
 const FINALISTS: usize = 4;
 
@@ -57,17 +57,19 @@ pub struct SelectedFit {
 }
 
 impl SelectedFit {
-    /// Standard deviation of the template along its normal near a point, by the covariance of the
-    /// nearest part's parameters, in metres.
-    pub fn deviation_m(&self, point: &Point) -> f64 {
-        let local = self.frame.local(point);
-        let of_part = |(part, covariance): (&Part, &Covariance)| {
-            let (distance, row) = part.residual(&local);
-            (distance, row.dot(&(covariance * row)))
+    /// Standard deviations of the template along its normal near some points, each by the covariance
+    /// of the nearest part's parameters, in metres.
+    pub fn deviations_m(&self, points: &[Point]) -> Vec<f64> {
+        let fields: Vec<(Field<'_>, &Covariance)> =
+            self.parts.iter().map(Part::field).zip(&self.covariances).collect();
+        let variance = |local: &Vector| {
+            let of_parts = fields.iter().map(|(field, covariance)| (field.residual(local), covariance));
+            let nearest = of_parts.min_by(|((a, _), _), ((b, _), _)| a.total_cmp(b));
+            nearest.map_or(0.0, |((_, row), covariance)| row.dot(&(*covariance * row)))
         };
-        let parts = self.parts.iter().zip(&self.covariances).map(of_part);
-        let variance = parts.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(0.0, |(_, variance)| variance);
-        variance.max(0.0).sqrt() * self.frame.length_m
+        let deviation =
+            |point: &Point| variance(&self.frame.local(point)).max(0.0).sqrt() * self.frame.length_m;
+        points.iter().map(deviation).collect()
     }
 }
 
@@ -156,7 +158,7 @@ fn select_parts(
     if let Some(before) = before.filter(|before| before.parts.len() > 1) {
         let parts = before.parts.iter().map(|part| part.moved(&before.frame, &data.frame)).collect();
         let kept = Union::new(parts, data);
-        let refined = kept.clone().refined(data, KEPT_SWEEPS);
+        let refined = kept.clone().refined(data, FULL);
         let kept = if refined.cost <= kept.cost { refined } else { kept };
         if kept.criterion(data) - CLEARLY_BETTER < criterion {
             criterion = kept.criterion(data);
@@ -173,12 +175,12 @@ fn select_parts(
     let mut finalists: Vec<(f64, Union)> = larger
         .into_iter()
         .filter(|union| union.parts.len() <= MOST_PARTS)
-        .map(|union| union.refined(data, FIRST_SWEEPS))
+        .map(|union| union.refined(data, QUICK))
         .map(|union| (union.criterion(data), union))
         .collect();
     finalists.sort_by(|a, b| a.0.total_cmp(&b.0));
     for (_, candidate) in finalists.into_iter().take(FINALISTS) {
-        let candidate = candidate.refined(data, FINAL_SWEEPS);
+        let candidate = candidate.refined(data, FULL);
         if candidate.criterion(data) < criterion - CLEARLY_BETTER
             && candidate.is_supported(&single.parts[0], data)
         {
@@ -193,7 +195,7 @@ fn select_parts(
 mod tests {
     use super::*;
     use crate::attractor::Sense;
-    use crate::geometry::{Icosphere, Vector};
+    use crate::geometry::Icosphere;
 
     #[test]
     fn the_template_is_unsure_of_an_end_that_nothing_has_touched() {
@@ -209,8 +211,8 @@ mod tests {
             .collect();
         let camera = Point::new(0.5, 0.0, 0.0);
         let fit = fit(&attractors, &FreeSpace::default(), Some(&camera), None, &Stages::default());
-        let side_m = fit.deviation_m(&Point::new(0.0, 0.03, 0.0));
-        let end_m = fit.deviation_m(&Point::new(0.0, 0.0, 0.06));
+        let places = [Point::new(0.0, 0.03, 0.0), Point::new(0.0, 0.0, 0.06)];
+        let [side_m, end_m] = fit.deviations_m(&places)[..] else { panic!("one for each place") };
         assert!(side_m > 0.0 && end_m > 5.0 * side_m, "{side_m} {end_m}");
     }
 }

@@ -77,6 +77,11 @@ impl Superquadric {
         (gauge.value - 1.0) / gauge.by_y.component_div(&self.semi_axes).norm()
     }
 
+    /// The geometric mean of its semi-axes, in metres.
+    pub fn size_m(&self) -> f64 {
+        self.semi_axes.product().cbrt()
+    }
+
     /// The point of the surface in a direction of its own scaled frame, from the centre.
     pub(super) fn offset_towards(&self, direction: &Vector) -> Vector {
         let radius = Gauge::at(direction, self.exponents).value.recip();

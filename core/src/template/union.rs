@@ -11,9 +11,17 @@ use crate::geometry::{Icosphere, Point};
 
 /// Below this distance the criterion sees no difference, in metres: sensors are no better.
 const RESOLUTION_M: f64 = 0.0007;
-const STEPS_A_TURN: usize = 5;
 /// A new part may reach this share of the evidence's diagonal away from all evidence.
 const UNSUPPORTED: f64 = 0.13;
+
+/// How thoroughly a union is fitted.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Effort {
+    /// How often each part has its turn.
+    pub(super) sweeps: usize,
+    /// How many steps its fit then takes.
+    pub(super) steps: usize,
+}
 
 /// Parts that are fitted together; the first may hold limbs.
 #[derive(Clone, Debug)]
@@ -31,7 +39,7 @@ impl Union {
 
     /// Fits each part in turn while the others stand still, but for limbs, which their host takes
     /// along.
-    pub(super) fn refined(mut self, data: &FitData, sweeps: usize) -> Self {
+    pub(super) fn refined(mut self, data: &FitData, Effort { sweeps, steps }: Effort) -> Self {
         for _ in 0..sweeps {
             for k in 0..self.parts.len() {
                 let part = self.parts[k].clone();
@@ -39,9 +47,9 @@ impl Union {
                     self.others(k).cloned().partition(|other| k == 0 && other.along.is_some());
                 let others = Distances::to(others.iter(), data);
                 let fitted = if part.along.is_some() {
-                    part.fit_limb(&self.parts[0], data, &others, STEPS_A_TURN)
+                    part.fit_limb(&self.parts[0], data, &others, steps)
                 } else {
-                    part.fit(&limbs, data, &others, STEPS_A_TURN)
+                    part.fit(&limbs, data, &others, steps)
                 };
                 self.parts[k] = fitted.parameters;
                 let host = self.parts[0].clone();

@@ -58,13 +58,14 @@ pub(crate) fn session(snapshot: &Snapshot) -> v1::Session {
 }
 
 /// The configuration with every default written out, so that it means the same in a later version;
-/// how far uncertainty spreads stays open where it follows from the object's size.
+/// over what length uncertainty spreads stays open where it follows from the object's size.
 pub(crate) fn session_config(config: &Config, sensors: &[Sensor]) -> v1::SessionConfig {
     let Settings {
         method: used_method,
         strategy: used_strategy,
         alpha_geodesic,
-        alpha_uncertainty,
+        // Written out below.
+        alpha_uncertainty: _,
         alpha_travel,
         confident_max,
         candidate_min,
@@ -85,13 +86,13 @@ pub(crate) fn session_config(config: &Config, sensors: &[Sensor]) -> v1::Session
         method: method(used_method).into(),
         strategy: strategy(used_strategy).into(),
         alpha_geodesic: Some(alpha_geodesic),
-        alpha_uncertainty: Some(alpha_uncertainty),
+        alpha_uncertainty: Some(config.alpha_uncertainty()),
         alpha_travel: Some(alpha_travel),
         confident_max: Some(confident_max),
         candidate_min: Some(candidate_min),
         visual_uncertainty: Some(visual_uncertainty),
         tactile_u_max: Some(tactile_u_max),
-        propagation_hops,
+        propagation_hops: Some(propagation_hops),
         propagation_length_m,
         probe_half_travel_m: Some(probe_half_travel_m),
         failure_distance_m: Some(failure_distance_m),
