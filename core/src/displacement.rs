@@ -188,16 +188,17 @@ impl Displacement {
         self.weights.iter().zip(self.precisions()).map(|(weight, precision)| weight / precision).collect()
     }
 
-    /// How large the displacements are, squared and in units of the prior's variance, and how many
-    /// of them the measurements determine against their noise: the amplitude is the most likely one
-    /// where both are the same (MacKay's evidence framework).
-    pub fn determined(&self, observations: &[Observation]) -> (f64, f64) {
+    /// For each measurement its share in how large the displacements are, squared and in units of the
+    /// prior's variance, and in how many of them the measurements determine against their noise:
+    /// the most likely amplitude is the one with which both sums are the same (MacKay's evidence
+    /// framework).
+    pub fn determined(&self, observations: &[Observation]) -> Vec<(f64, f64)> {
         let measurements = observations.iter().zip(&self.weights).zip(self.precisions());
-        let by_noise = measurements.fold((0.0, 0.0), |(squares, count), ((o, weight), precision)| {
+        let share = |((o, weight), precision): ((&Observation, &f64), f64)| {
             let variance = self.noise_variance(o);
-            (squares + variance * weight * weight, count + variance * precision)
-        });
-        (self.surprise - by_noise.0, observations.len() as f64 - by_noise.1)
+            (weight * (o.displacement_m - variance * weight), 1.0 - variance * precision)
+        };
+        measurements.map(share).collect()
     }
 
     /// The diagonal of `K⁻¹`.

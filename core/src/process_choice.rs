@@ -16,7 +16,7 @@ use crate::turn::Turn;
 
 /// Displacements are expected to be this large, in metres, as if seen so many times.
 const EXPECTED_M: f64 = 0.008;
-const EXPECTED_COUNT: f64 = 8.0;
+const EXPECTED_COUNT: f64 = 4.0;
 /// As if seen so many times where processes are compared: each may have the size that it asks for,
 /// or one that makes displacements smaller would win for that alone.
 const COMPARED_COUNT: f64 = 0.5;
@@ -86,14 +86,14 @@ impl Question<'_> {
                 let mut guessed = observations.to_vec();
                 self.set_noise(&mut guessed, guess);
                 let fitted = first.refit(EXPECTED_M, &guessed);
-                rescaled(&fitted, EXPECTED_COUNT, &guessed).evidence()
+                self.rescaled(&fitted, EXPECTED_COUNT, &guessed).evidence()
             });
             self.set_noise(observations, &noise);
         }
 
         let alone = first.refit(EXPECTED_M, observations);
-        let alone = rescaled(&alone, EXPECTED_COUNT, observations);
-        let alone = rescaled(&alone, EXPECTED_COUNT, observations);
+        let alone = self.rescaled(&alone, EXPECTED_COUNT, observations);
+        let alone = self.rescaled(&alone, EXPECTED_COUNT, observations);
         let process = self.with_symmetry(alone, touches, observations, before);
         let symmetry = process.prior().fold.symmetry;
         (process, Choice { noise, symmetry, axes: self.shape.body.base_from_template })
@@ -103,6 +103,24 @@ impl Question<'_> {
         for (observation, attractor) in observations.iter_mut().zip(self.attractors) {
             observation.noise_m = noise.of_m(attractor.sense, attractor.uncertainty);
         }
+    }
+
+    /// The same process with the amplitude that its touches ask for, where what is expected of it
+    /// counts like so many of them. What was seen lies close together, and the template follows it:
+    /// that it is hardly displaced there says nothing about the other side.
+    fn rescaled(
+        &self,
+        process: &Displacement,
+        expected_count: f64,
+        observations: &[Observation],
+    ) -> Displacement {
+        let shares = self.attractors.iter().zip(process.determined(observations));
+        let touches = shares.filter(|(a, _)| a.sense == Sense::Touch).map(|(_, share)| share);
+        let (squares, count) = touches.fold((0.0, 0.0), |sum, share| (sum.0 + share.0, sum.1 + share.1));
+        let squares_m2 = f64::max(squares, 0.0) * process.prior().amplitude_m.powi(2);
+        let expected_m2 = expected_count * EXPECTED_M.powi(2);
+        let variance_m2 = (expected_m2 + squares_m2) / (expected_count + count);
+        process.refit(variance_m2.sqrt().min(LARGEST_M), observations)
     }
 
     /// Whether the template has the symmetry, or the caller vouches for it: what is alike on a body
@@ -132,7 +150,7 @@ impl Question<'_> {
         };
         // What the caller vouches for needs no further evidence.
         let margin = if self.declared.is_some() { f64::NEG_INFINITY } else { CLEARLY_BETTER };
-        let compared = |process: &Displacement| rescaled(process, COMPARED_COUNT, observations);
+        let compared = |process: &Displacement| self.rescaled(process, COMPARED_COUNT, observations);
         let plain = compared(&compared(&alone));
         let processes = candidates
             .into_iter()
@@ -142,7 +160,7 @@ impl Question<'_> {
             Some(best) => {
                 let best = compared(&compared(&best));
                 if best.evidence() > plain.evidence() + margin {
-                    rescaled(&best, EXPECTED_COUNT, observations)
+                    self.rescaled(&best, EXPECTED_COUNT, observations)
                 } else {
                     alone
                 }
@@ -159,13 +177,4 @@ fn has_turned(before: &Choice, axes: &Rotation3<f64>) -> bool {
         cosine.abs().min(1.0).acos()
     };
     (0..3).any(|axis| before.symmetry.is_about(axis) && turn(axis) > TURNED)
-}
-
-/// The same process with the amplitude that its measurements ask for, where what is expected of it
-/// counts like so many of them.
-fn rescaled(process: &Displacement, expected_count: f64, observations: &[Observation]) -> Displacement {
-    let (squares, determined) = process.determined(observations);
-    let expected = expected_count * EXPECTED_M.powi(2);
-    let variance = (expected + squares * process.prior().amplitude_m.powi(2)) / (expected_count + determined);
-    process.refit(variance.sqrt().min(LARGEST_M), observations)
 }

@@ -15,7 +15,7 @@ use crate::config::Config;
 /// The share of candidates whose error follows the law; that of the others is negligible.
 const SHARE: f64 = 0.5;
 /// The law's scale for each metre of deviation.
-const SCALE: f64 = 2.1;
+const SCALE: f64 = 1.9;
 
 /// A higher risk counts against a candidate, by so much.
 const TAKEN: f64 = 0.15;

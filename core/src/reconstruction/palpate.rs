@@ -28,7 +28,7 @@ const SURPRISE_M: f64 = 0.003;
 /// The least share of the length over which it does.
 const LEAST_SHARE: f64 = 0.5;
 /// The error of the surface, template included, against the process's deviation, and the least of it.
-const DEVIATION_SCALE: f64 = 1.2;
+const DEVIATION_SCALE: f64 = 1.5;
 const LEAST_DEVIATION_M: f64 = 0.0003;
 
 pub(super) fn estimate(
