@@ -81,7 +81,7 @@ pub struct Stages {
     /// A touch that its neighbours did not foresee spreads its confidence less far.
     pub surprise: bool,
     /// The length over which confidence halves follows from the object's size and the budget of
-    /// touches; otherwise length and edges are those of the paper's method.
+    /// touches; otherwise it is that of the paper's method.
     pub step_length: bool,
     /// Parts run into each other in a fillet; otherwise in an edge.
     pub fillets: bool,

@@ -363,6 +363,29 @@ mod tests {
     }
 
     #[test]
+    fn both_sums_are_the_same_where_the_amplitude_is_the_most_likely() {
+        let seen: Vec<Observation> = directions()
+            .iter()
+            .step_by(12)
+            .enumerate()
+            .map(|(k, d)| {
+                let scatter_m = 0.0005 * ((k * 7 % 11) as f64 - 5.0) / 3.0;
+                Observation { noise_m: 0.0005, ..observation(d, 0.002 * (5.0 * d.x + d.z).sin() + scatter_m) }
+            })
+            .collect();
+        let first = Displacement::fit(prior(Symmetry::None), &seen);
+        let amplitudes_m = (0..400).map(|step| 0.0003 * 1.01_f64.powi(step));
+        let most_likely = amplitudes_m
+            .map(|amplitude_m| first.refit(amplitude_m, &seen))
+            .max_by(|a, b| a.evidence().total_cmp(&b.evidence()))
+            .unwrap();
+        let shares = most_likely.determined(&seen);
+        let (squares, count) = shares.iter().fold((0.0, 0.0), |sum, s| (sum.0 + s.0, sum.1 + s.1));
+        assert!((squares / count - 1.0).abs() < 0.02, "{squares} of {count}");
+        assert!(count > 5.0 && count < seen.len() as f64);
+    }
+
+    #[test]
     fn a_refit_is_a_fit() {
         let seen: Vec<Observation> =
             directions().iter().step_by(60).map(|d| observation(d, 0.003 * d.x)).collect();

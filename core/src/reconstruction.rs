@@ -21,7 +21,7 @@ use crate::template::{Ellipsoid, TemplateFit};
 use crate::uncertainty::Reach;
 
 /// Changes with every change of a result: a stored state hash holds for one version only.
-pub const ALGORITHM_VERSION: &str = "3";
+pub const ALGORITHM_VERSION: &str = "4";
 
 /// A session's state: its evidence, and the estimate that follows from it.
 #[derive(Clone, Debug)]

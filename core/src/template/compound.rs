@@ -177,6 +177,21 @@ mod tests {
     }
 
     #[test]
+    fn a_bottle_is_round_about_its_axis_and_not_alike_at_its_ends() {
+        let asymmetry_m = |shape: &Compound, symmetry| 1e3 * shape.asymmetry_m(symmetry);
+        let upright = bottle();
+        assert!(asymmetry_m(&upright, Symmetry::Revolution(2)) < 0.1);
+        assert!(asymmetry_m(&upright, Symmetry::Mirror([true, true, false])) < 0.1);
+        assert!(asymmetry_m(&upright, Symmetry::Mirror([false, false, true])) > 5.0);
+        assert!(asymmetry_m(&upright, Symmetry::Revolution(0)) > 5.0);
+        // A square section turns onto itself, but not by half as much.
+        let body = Superquadric { exponents: [0.2, 0.2], ..upright.body };
+        let square = Compound { body, limbs: Vec::new(), fillets: false };
+        assert!(asymmetry_m(&square, Symmetry::Revolution(2)) > 2.0);
+        assert!(asymmetry_m(&square, Symmetry::Mirror([true; 3])) < 0.1);
+    }
+
+    #[test]
     fn a_template_without_limbs_is_its_body() {
         let alone = Compound { limbs: Vec::new(), ..bottle() };
         assert_eq!(alone.mesh(Icosphere::get(2)), alone.body.mesh(Icosphere::get(2)));

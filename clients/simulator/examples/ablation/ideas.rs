@@ -41,7 +41,7 @@ fn all() -> Vec<Choice> {
         row("symmetry", "no symmetry", Stages { symmetry: false, ..all }),
         row("symmetry_first", "symmetry lets nothing go first", Stages { symmetry_first: false, ..all }),
         row("surprise", "surprise does not count", Stages { surprise: false, ..all }),
-        row("step_length", "the paper's reach: 20 mm, 5 edges", Stages { step_length: false, ..all }),
+        row("step_length", "the paper's length: 20 mm", Stages { step_length: false, ..all }),
         row("fillets", "edges between parts, no fillets", Stages { fillets: false, ..all }),
         row("failure_penalty", "no penalty near failures", Stages { failure_penalty: false, ..all }),
         row(
