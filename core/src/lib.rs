@@ -7,7 +7,8 @@
 //! here are the paper's.
 //!
 //! Nothing here does IO, reads a clock, logs, waits or draws randomness that is not in the
-//! configuration. Lengths are in metres, numbers are `f64`, and points are in the session's frame.
+//! configuration. Lengths are in metres, numbers are `f64` (covariances within the process `f32`), and
+//! points are in the session's frame.
 
 pub mod attractor;
 pub mod config;
