@@ -23,8 +23,9 @@ const COMPARED_COUNT: f64 = 0.5;
 /// However far off a touch may be, displacements are not expected to be larger, in metres: the
 /// system stays regular.
 const LARGEST_M: f64 = 0.1;
-/// The evidence for a symmetry has to be this much better, in nats.
-const CLEARLY_BETTER: f64 = 3.0;
+/// The evidence for a symmetry has to be this much better, in nats: 20 to 1, where one of ten may
+/// come out best by chance.
+const CLEARLY_BETTER: f64 = 5.3;
 /// So many touches are needed before noise is asked for, and before symmetry is.
 const TOUCHES_FOR_NOISE: usize = 5;
 const TOUCHES_FOR_SYMMETRY: usize = 8;
