@@ -197,7 +197,7 @@ impl Default for Settings {
 }
 
 /// Parameters that have been checked.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Config(Settings);
 
 impl Config {
@@ -254,15 +254,27 @@ impl Config {
                           or take STRATEGY_PROACTIVE or STRATEGY_EXPECTED_GAIN";
             return Err(FieldError::invalid("alpha_travel", reason));
         }
-        Ok(Self(settings))
+        Ok(Self::of(settings))
     }
 
-    /// Weight of the vertex uncertainty, as configured or the method's own.
-    pub fn alpha_uncertainty(&self) -> f64 {
-        self.0.alpha_uncertainty.unwrap_or(match self.0.method {
+    /// Settings within their ranges, with the weight that is the method's own where none is set.
+    fn of(settings: Settings) -> Self {
+        let own = match settings.method {
             Method::Paper => 1.0,
             Method::Palpate => 2.0,
-        })
+        };
+        Self(Settings { alpha_uncertainty: settings.alpha_uncertainty.or(Some(own)), ..settings })
+    }
+
+    /// Weight of the vertex uncertainty, `a_U` of Eq. (3).
+    pub fn alpha_uncertainty(&self) -> f64 {
+        self.0.alpha_uncertainty.expect("every configuration is made by `of`")
+    }
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Self::of(Settings::default())
     }
 }
 
@@ -281,6 +293,17 @@ mod tests {
     #[test]
     fn defaults_are_valid() {
         assert!(Config::new(Settings::default()).is_ok());
+    }
+
+    #[test]
+    fn a_weight_that_is_not_set_is_the_method_s_own() {
+        let weight = |method, alpha_uncertainty| {
+            let settings = Settings { method, alpha_uncertainty, ..Settings::default() };
+            Config::new(settings).unwrap().alpha_uncertainty()
+        };
+        assert_eq!((weight(Method::Paper, None), weight(Method::Palpate, None)), (1.0, 2.0));
+        assert_eq!((weight(Method::Paper, Some(3.0)), weight(Method::Palpate, Some(0.0))), (3.0, 0.0));
+        assert_eq!(Config::default(), Config::new(Settings::default()).unwrap());
     }
 
     #[test]
