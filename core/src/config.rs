@@ -258,12 +258,13 @@ impl Config {
     }
 
     /// Settings within their ranges, with the weight that is the method's own where none is set.
-    fn of(settings: Settings) -> Self {
+    fn of(mut settings: Settings) -> Self {
         let own = match settings.method {
             Method::Paper => 1.0,
             Method::Palpate => 2.0,
         };
-        Self(Settings { alpha_uncertainty: settings.alpha_uncertainty.or(Some(own)), ..settings })
+        settings.alpha_uncertainty.get_or_insert(own);
+        Self(settings)
     }
 
     /// Weight of the vertex uncertainty, `a_U` of Eq. (3).
