@@ -14,11 +14,15 @@ pub(super) struct Field<'a> {
     inverse_axes: Vector,
 }
 
-impl<'a> Field<'a> {
-    pub(super) fn of(part: &'a Part) -> Self {
-        Self { part, axes: part.log_axes.map(f64::exp), inverse_axes: part.log_axes.map(|p| (-p).exp()) }
+impl Part {
+    /// Its signed distance, to be asked for at many points.
+    pub(super) fn field(&self) -> Field<'_> {
+        let inverse_axes = self.log_axes.map(|p| (-p).exp());
+        Field { part: self, axes: self.log_axes.map(f64::exp), inverse_axes }
     }
+}
 
+impl Field<'_> {
     /// The signed distance to first order, with its derivatives by centre, logarithmic semi-axes, a
     /// rotation applied on the right, and the exponents.
     ///

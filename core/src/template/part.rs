@@ -7,7 +7,6 @@
 
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector};
 
-use super::field::Field;
 use super::fit_data::{Distances, FitData, HUBER};
 use super::limb::Along;
 use super::superquadric::Superquadric;
@@ -85,11 +84,6 @@ impl Part {
 
     pub(super) fn is_unbounded(&self) -> bool {
         self.log_axes.max() >= LOG_SIZE.1
-    }
-
-    /// Its signed distance, to be asked for at many points.
-    pub(super) fn field(&self) -> Field<'_> {
-        Field::of(self)
     }
 
     /// Fits this part, with the limbs that it holds, while the others of its template stand still

@@ -64,8 +64,7 @@ pub(crate) fn session_config(config: &Config, sensors: &[Sensor]) -> v1::Session
         method: used_method,
         strategy: used_strategy,
         alpha_geodesic,
-        // Written out below.
-        alpha_uncertainty: _,
+        alpha_uncertainty,
         alpha_travel,
         confident_max,
         candidate_min,
@@ -86,7 +85,7 @@ pub(crate) fn session_config(config: &Config, sensors: &[Sensor]) -> v1::Session
         method: method(used_method).into(),
         strategy: strategy(used_strategy).into(),
         alpha_geodesic: Some(alpha_geodesic),
-        alpha_uncertainty: Some(config.alpha_uncertainty()),
+        alpha_uncertainty,
         alpha_travel: Some(alpha_travel),
         confident_max: Some(confident_max),
         candidate_min: Some(candidate_min),
