@@ -6,15 +6,15 @@ use std::hint::black_box;
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, BenchmarkId, Criterion, criterion_group, criterion_main};
 use nalgebra::UnitQuaternion;
-use palpate_core::attractor::{Attractor, Sense};
 use palpate_core::config::{Config, Method, Settings, Strategy};
-use palpate_core::deformation::{self, ThinPlate};
+use palpate_core::evidence::attractor::{Attractor, Sense};
 use palpate_core::evidence::{Attempt, Contact, ContactDetail, Evidence, Outcome, VisualPrior, Wrench};
-use palpate_core::exploration::Request;
-use palpate_core::geometry::{Icosphere, Point, Pose, SurfaceIndex, Vector};
+use palpate_core::exploration::ProposalRequest;
+use palpate_core::geometry::{Icosphere, Point, Pose, Vector};
+use palpate_core::local::thin_plate::ThinPlate;
 use palpate_core::reconstruction::Reconstruction;
-use palpate_core::template::ellipsoid;
-use palpate_core::turn::Turn;
+use palpate_core::schedule::Extras;
+use palpate_core::template::{TemplateSurface, ellipsoid};
 use palpate_core::uncertainty::{self, Reach};
 
 type Group<'a> = BenchmarkGroup<'a, WallTime>;
@@ -31,12 +31,14 @@ type Body = (&'static str, fn(&Vector) -> Point);
 
 const BODIES: [Body; 2] = [("box", box_like), ("bottle", bottle)];
 
-/// What METHOD_PALPATE does beyond going on from its last fit takes turns.
-const TURNS: [(&str, Turn); 4] = [
-    ("starts", Turn::Starts),
-    ("noise", Turn::Noise),
-    ("splits", Turn::Splits),
-    ("symmetries", Turn::Symmetry),
+/// The extras that METHOD_PALPATE does in every fourth fit, and how a fit is recognised that does them.
+type Extra = (&'static str, fn(&Extras) -> bool);
+
+const EXTRAS: [Extra; 4] = [
+    ("starts", |extras| extras.starts),
+    ("noise", |extras| extras.noise),
+    ("splits", |extras| extras.splits),
+    ("symmetries", |extras| extras.symmetry),
 ];
 
 /// A box with round edges: one part is enough for it.
@@ -112,7 +114,7 @@ fn bench_step(group: &mut Group<'_>, id: BenchmarkId, (state, evidence): (Recons
     group.bench_function(id, |bencher| {
         bencher.iter(|| {
             let (next, _) = state.absorb(black_box(&evidence)).expect("absorbed");
-            next.propose(&Request { top_k: 1, ..Request::default() })
+            next.propose(&ProposalRequest { top_k: 1, ..ProposalRequest::default() })
         });
     });
 }
@@ -127,29 +129,28 @@ fn paper_step(criterion: &mut Criterion) {
     }
 }
 
-/// METHOD_PALPATE keeps a hundred visual points and every touch: its sizes count those. Each turn is
+/// METHOD_PALPATE keeps a hundred visual points and every touch: its sizes count those. Each extra is
 /// brought about by the number of views.
 fn palpate_step(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("contact_step");
     group.sample_size(20);
-    let mut bench =
-        |(count, subdivisions): (usize, u32), (body, on_body): Body, (turn, due): (&str, Turn)| {
-            let vertices = Icosphere::get(subdivisions as usize).directions.len();
-            let touches = count - SEEN;
-            let views = (1..=4).find(|views| Turn::of(views + touches) == due).expect("a turn in four fits");
-            let settings = Settings { icosphere_subdivisions: subdivisions, ..Settings::default() };
-            let size = format!("{}x{vertices}", KEPT + touches);
-            let id = BenchmarkId::new(format!("palpate/{body}/{turn}"), size);
-            bench_step(&mut group, id, session_with(settings, &attractors_of(on_body, count), views));
-        };
+    let mut bench = |(count, subdivisions): (usize, u32), (body, on_body): Body, (extra, is_due): Extra| {
+        let vertices = Icosphere::get(subdivisions as usize).directions.len();
+        let touches = count - SEEN;
+        let views = (1..=4).find(|views| is_due(&Extras::of_fit(views + touches))).expect("one of four fits");
+        let settings = Settings { icosphere_subdivisions: subdivisions, ..Settings::default() };
+        let size = format!("{}x{vertices}", KEPT + touches);
+        let id = BenchmarkId::new(format!("palpate/{body}/{extra}"), size);
+        bench_step(&mut group, id, session_with(settings, &attractors_of(on_body, count), views));
+    };
     let [usual, larger @ ..] = SIZES_OF_SESSIONS;
     for body in BODIES {
-        for turn in TURNS {
-            bench(usual, body, turn);
+        for extra in EXTRAS {
+            bench(usual, body, extra);
         }
     }
     for size in larger {
-        bench(size, BODIES[0], TURNS[1]);
+        bench(size, BODIES[0], EXTRAS[1]);
     }
 }
 
@@ -164,7 +165,9 @@ fn proposals(criterion: &mut Criterion) {
             let (state, _) = state.absorb(&evidence).expect("absorbed");
             let vertices = Icosphere::get(subdivisions as usize).directions.len();
             group.bench_function(BenchmarkId::new(name, format!("{count}x{vertices}")), |bencher| {
-                bencher.iter(|| black_box(state.propose(&Request { top_k: 1, ..Request::default() })));
+                bencher.iter(|| {
+                    black_box(state.propose(&ProposalRequest { top_k: 1, ..ProposalRequest::default() }))
+                });
             });
         }
     }
@@ -180,12 +183,12 @@ fn stages(criterion: &mut Criterion) {
         let viewpoint = Some(Point::new(0.6, 0.1, 0.2));
         let start = ellipsoid::initial(&attractors, viewpoint.as_ref());
         let cold = ellipsoid::fit(&attractors, viewpoint.as_ref(), &start, false);
-        let global = cold.shape.mesh(sphere);
-        let normals = global.vertex_normals();
-        let index = SurfaceIndex::new(&global).expect("a mesh");
-        let projections = deformation::project(&global, &index, &attractors);
-        let (plate, _) = ThinPlate::fit(&projections);
-        let mesh = plate.displace(&global, &normals);
+        let surface = TemplateSurface::new(cold.shape.mesh(sphere));
+        let project = || -> Vec<_> { attractors.iter().map(|a| surface.project(&a.point)).collect() };
+        let projections = project();
+        let plate = ThinPlate::fit(&projections);
+        let raise = || surface.raised(&plate.heights_m(&surface.mesh().vertices));
+        let mesh = raise();
         let (state, evidence) = session(Method::Paper, &attractors, subdivisions);
         let (state, _) = state.absorb(&evidence).expect("absorbed");
         let mut bench = |name: &str, run: &mut dyn FnMut()| {
@@ -194,17 +197,17 @@ fn stages(criterion: &mut Criterion) {
         bench("template_warm", &mut || {
             black_box(ellipsoid::fit(&attractors, viewpoint.as_ref(), &cold.shape, true));
         });
-        bench("index", &mut || {
-            black_box(SurfaceIndex::new(&global));
+        bench("surface", &mut || {
+            black_box(TemplateSurface::new(surface.mesh().clone()));
         });
         bench("project", &mut || {
-            black_box(deformation::project(&global, &index, &attractors));
+            black_box(project());
         });
         bench("plate_fit", &mut || {
             black_box(ThinPlate::fit(&projections));
         });
-        bench("plate_displace", &mut || {
-            black_box(plate.displace(&global, &normals));
+        bench("plate_raise", &mut || {
+            black_box(raise());
         });
         bench("uncertainty", &mut || {
             black_box(uncertainty::propagate(
@@ -216,7 +219,7 @@ fn stages(criterion: &mut Criterion) {
             ));
         });
         bench("propose", &mut || {
-            black_box(state.propose(&Request { top_k: 1, ..Request::default() }));
+            black_box(state.propose(&ProposalRequest { top_k: 1, ..ProposalRequest::default() }));
         });
     }
 }

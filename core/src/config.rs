@@ -4,21 +4,11 @@ use std::ops::Deref;
 
 use crate::error::FieldError;
 use crate::geometry::MAX_SUBDIVISIONS;
-
-/// Which reading of the method reconstructs.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Method {
-    /// The paper's stages, faithful and comparable.
-    Paper,
-    /// Ahead of the paper: templates of several families and parts, what was found free, and a
-    /// Gaussian process with symmetry where there is any.
-    #[default]
-    Palpate,
-}
+pub use crate::method::Method;
 
 /// A symmetry of the object that the caller vouches for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Symmetry {
+pub enum DeclaredSymmetry {
     /// A body of revolution, about an axis that the method finds.
     Revolution,
     /// The same on both sides of a plane that the method finds.
@@ -166,7 +156,7 @@ pub struct Settings {
     /// When to stop.
     pub stop: StopRule,
     /// A symmetry that the caller vouches for; the paper's method has no use for one.
-    pub symmetry: Option<Symmetry>,
+    pub symmetry: Option<DeclaredSymmetry>,
     /// Which ideas of [`Method::Palpate`] are in use; the paper's method has none of them.
     pub stages: Stages,
 }
@@ -236,17 +226,21 @@ impl Config {
             let reason = format!("{subdivisions} is not between 2 (162 vertices) and 5 (10,242 vertices)");
             return Err(FieldError::invalid("icosphere_subdivisions", reason));
         }
-        if settings.method == Method::Paper && settings.symmetry.is_some() {
-            let reason = "METHOD_PAPER has no use for it: leave it unspecified";
+        let method = settings.method;
+        if !method.uses_symmetry() && settings.symmetry.is_some() {
+            let reason = format!("{} has no use for it: leave it unspecified", method.name());
             return Err(FieldError::invalid("symmetry", reason));
         }
-        if settings.method == Method::Paper && settings.stages != Stages::default() {
-            let reason = "METHOD_PAPER has none of them: leave all of them on";
+        if !method.has_stages() && settings.stages != Stages::default() {
+            let reason = format!("{} has none of them: leave all of them on", method.name());
             return Err(FieldError::invalid("stages", reason));
         }
-        if settings.method == Method::Paper && settings.strategy == Strategy::ExpectedGain {
-            let reason = "METHOD_PAPER states no deviation that a gain could be expected of: \
-                          take METHOD_PALPATE, or STRATEGY_PROACTIVE";
+        if !method.states_deviations() && settings.strategy == Strategy::ExpectedGain {
+            let reason = format!(
+                "{} states no deviation that a gain could be expected of: \
+                 take METHOD_PALPATE, or STRATEGY_PROACTIVE",
+                method.name()
+            );
             return Err(FieldError::invalid("strategy", reason));
         }
         if settings.alpha_travel > 0.0 && !settings.strategy.weighs_terms() {
@@ -259,11 +253,7 @@ impl Config {
 
     /// Settings within their ranges, with the weight that is the method's own where none is set.
     fn of(mut settings: Settings) -> Self {
-        let own = match settings.method {
-            Method::Paper => 1.0,
-            Method::Palpate => 2.0,
-        };
-        settings.alpha_uncertainty.get_or_insert(own);
+        settings.alpha_uncertainty.get_or_insert(settings.method.own_alpha_uncertainty());
         Self(settings)
     }
 
@@ -318,7 +308,10 @@ mod tests {
         let field = |settings| Config::new(settings).map_err(|error| error.field).err();
         let paper = Settings { method: Method::Paper, ..Settings::default() };
         assert_eq!(field(Settings { strategy: Strategy::ExpectedGain, ..paper.clone() }), Some("strategy"));
-        assert_eq!(field(Settings { symmetry: Some(Symmetry::Mirror), ..paper.clone() }), Some("symmetry"));
+        assert_eq!(
+            field(Settings { symmetry: Some(DeclaredSymmetry::Mirror), ..paper.clone() }),
+            Some("symmetry")
+        );
         let stages = Stages { parts: false, ..Stages::default() };
         assert_eq!(field(Settings { stages, ..paper.clone() }), Some("stages"));
         assert_eq!(field(Settings { alpha_travel: 0.5, ..paper }), None);

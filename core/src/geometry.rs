@@ -2,13 +2,21 @@
 //!
 //! Points and vectors are `f64`, in metres, in the session's frame unless a name says otherwise.
 
+mod geodesic;
 mod icosphere;
 mod mesh;
+mod ring;
+mod sampling;
 mod surface_index;
+mod surface_point;
 
+pub use geodesic::Geodesics;
 pub use icosphere::{Icosphere, MAX_SUBDIVISIONS};
 pub use mesh::TriangleMesh;
+pub use ring::Ring;
+pub(crate) use sampling::farthest_point_sampling;
 pub use surface_index::{ClosestPoint, RayHit, SurfaceIndex};
+pub use surface_point::SurfacePoint;
 
 /// A point, in metres.
 pub type Point = nalgebra::Point3<f64>;

@@ -10,27 +10,16 @@
 //! configuration. Lengths are in metres, numbers are `f64` (covariances within the process `f32`), and
 //! points are in the session's frame.
 
-pub mod attractor;
 pub mod config;
-pub mod deformation;
-pub mod displacement;
 pub mod error;
 pub mod evidence;
 pub mod exploration;
-pub mod free_space;
-pub mod geodesic;
 pub mod geometry;
-mod least_squares;
-pub mod ledger;
+pub mod local;
+pub mod method;
 pub mod metrics;
-pub mod noise;
-mod process_choice;
 pub mod reconstruction;
-mod rng;
-mod summary;
+pub mod schedule;
 pub mod symmetry;
-mod tangent;
 pub mod template;
-mod thinning;
-pub mod turn;
 pub mod uncertainty;

@@ -6,18 +6,18 @@
 
 mod palpate;
 mod paper;
+mod summary;
+
+pub use summary::{Stats, StopReason};
 
 use crate::config::{Config, Method};
-use crate::displacement::VertexProcess;
 use crate::error::Error;
 use crate::evidence::Evidence;
-use crate::exploration::{self, Proposal, Request, View};
+use crate::evidence::ledger::Ledger;
+use crate::exploration::{self, Deviations, Proposal, ProposalRequest, Situation};
 use crate::geometry::{Direction, Icosphere, Point, TriangleMesh};
-use crate::ledger::Ledger;
-use crate::process_choice::Choice;
-pub use crate::summary::{Stats, StopReason};
-use crate::template::selection::SelectedFit;
-use crate::template::{Ellipsoid, TemplateFit};
+use crate::local::Raised;
+use crate::template::{EllipsoidFit, SelectedFit};
 use crate::uncertainty::Reach;
 
 /// Changes with every change of a result: a stored state hash holds for one version only.
@@ -34,69 +34,36 @@ pub struct Reconstruction {
 /// What the evidence says about the object.
 #[derive(Clone, Debug)]
 pub struct Estimate {
-    /// The fitted template, from which the next fit goes on.
-    pub template: Template,
-    /// How the local stage went.
-    pub local: LocalReport,
-    /// The surface.
-    pub surface: Surface,
-    reach: Reach,
+    surface: Surface,
     normals: Vec<Direction>,
-    process: Option<VertexProcess>,
-    choice: Option<Choice>,
-    template_std_m: Option<Vec<f64>>,
+    reach: Reach,
+    detail: Detail,
 }
 
-/// The template of a method, with how its fit went.
+/// How the stages of a method went, from which its next fit goes on.
 #[derive(Clone, Debug)]
-pub enum Template {
-    /// The paper's.
-    Ellipsoid(TemplateFit<Ellipsoid>),
-    /// Superquadrics, selected by the evidence.
-    Compound(Box<SelectedFit>),
+enum Detail {
+    Paper(PaperDetail),
+    Palpate(Box<PalpateDetail>),
 }
 
-impl Template {
-    /// The centre of its body, in metres.
-    pub fn centre(&self) -> Point {
-        match self {
-            Self::Ellipsoid(fit) => fit.shape.centre,
-            Self::Compound(fit) => fit.chosen.shape.body.centre,
-        }
-    }
-
-    /// What it looks like, in a word.
-    pub fn family(&self) -> &'static str {
-        match self {
-            Self::Ellipsoid(_) => "ellipsoid",
-            Self::Compound(fit) => fit.chosen.shape.family(),
-        }
-    }
-
-    /// Root mean square distance of the attractors to it, in metres.
-    pub fn rms_m(&self) -> f64 {
-        match self {
-            Self::Ellipsoid(fit) => fit.rms_m,
-            Self::Compound(fit) => fit.chosen.rms_m,
-        }
-    }
-
-    /// Whether it grew to the bound of its size.
-    pub fn diverged(&self) -> bool {
-        match self {
-            Self::Ellipsoid(fit) => fit.diverged,
-            Self::Compound(fit) => fit.chosen.diverged,
-        }
-    }
+/// How the stages of METHOD_PAPER went.
+#[derive(Clone, Debug)]
+struct PaperDetail {
+    template: EllipsoidFit,
+    /// Root mean square of what the surface leaves of the attractors' heights, in metres.
+    residual_m: f64,
 }
 
-/// How a local stage went.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LocalReport {
-    /// Root mean square of what is left of the attractors' displacements, in metres.
-    pub residual_m: f64,
-    /// A lower bound of the condition number of its system.
-    pub condition: f64,
+/// How the stages of METHOD_PALPATE went.
+#[derive(Clone, Debug)]
+struct PalpateDetail {
+    /// How many fits there were, this one included.
+    number: usize,
+    template: SelectedFit,
+    /// Standard deviation of the template under each vertex, in metres.
+    template_std_m: Vec<f64>,
+    raised: Raised,
 }
 
 /// A mesh with its uncertainty.
@@ -151,36 +118,35 @@ impl Reconstruction {
 
     /// From evidence to surface (Sections III-D to III-F).
     fn estimate(&self) -> Estimate {
-        let (ledger, before, config) = (&self.ledger, self.estimate.as_ref(), &self.config);
+        let (ledger, config, sphere) = (&self.ledger, &self.config, self.sphere());
+        let before = self.estimate.as_ref().map(|estimate| &estimate.detail);
         match config.method {
-            Method::Paper => paper::estimate(ledger, before, config, self.sphere()),
-            Method::Palpate => palpate::estimate(ledger, before, config, self.sphere()),
+            Method::Paper => paper::estimate(ledger, before.and_then(Detail::paper), config, sphere),
+            Method::Palpate => palpate::estimate(ledger, before.and_then(Detail::palpate), config, sphere),
         }
     }
 
     /// Where to touch next (Section III-G); nothing before the first visual prior.
-    pub fn propose(&self, request: &Request) -> Proposal {
-        self.view().map_or_else(Proposal::default, |view| exploration::propose(&view, request))
+    pub fn propose(&self, request: &ProposalRequest) -> Proposal {
+        self.situation().map_or_else(Proposal::default, |situation| exploration::propose(&situation, request))
     }
 
     /// Whether nothing is left that may be touched.
     pub fn is_exhausted(&self) -> bool {
-        self.view().is_some_and(|view| exploration::is_exhausted(&view))
+        self.situation().is_some_and(|situation| exploration::is_exhausted(&situation))
     }
 
-    fn view(&self) -> Option<View<'_>> {
-        self.estimate.as_ref().map(|estimate| View {
+    fn situation(&self) -> Option<Situation<'_>> {
+        self.estimate.as_ref().map(|estimate| Situation {
             config: &self.config,
             ledger: &self.ledger,
             sphere: self.sphere(),
             mesh: &estimate.surface.mesh,
             normals: &estimate.normals,
             uncertainty: &estimate.surface.uncertainty,
-            std_m: estimate.surface.std_m.as_deref(),
             reach: estimate.reach,
-            centre: estimate.template.centre(),
-            process: estimate.process.as_ref(),
-            template_std_m: estimate.template_std_m.as_deref(),
+            centre: estimate.template_centre(),
+            deviations: estimate.deviations(),
         })
     }
 
@@ -209,20 +175,74 @@ impl Reconstruction {
     }
 }
 
+impl Detail {
+    fn paper(&self) -> Option<&PaperDetail> {
+        match self {
+            Self::Paper(detail) => Some(detail),
+            Self::Palpate(_) => None,
+        }
+    }
+
+    fn palpate(&self) -> Option<&PalpateDetail> {
+        match self {
+            Self::Palpate(detail) => Some(detail),
+            Self::Paper(_) => None,
+        }
+    }
+}
+
 impl Estimate {
-    fn new(template: Template, local: LocalReport, surface: Surface, reach: Reach) -> Self {
-        let normals = surface.mesh.vertex_normals();
-        Self { template, local, surface, reach, normals, process: None, choice: None, template_std_m: None }
+    fn new(surface: Surface, reach: Reach, detail: Detail) -> Self {
+        Self { normals: surface.mesh.vertex_normals(), surface, reach, detail }
     }
 
-    /// The same with the process that the surface's deviations come from, and how it was chosen.
-    fn with_process(self, process: VertexProcess, choice: Choice) -> Self {
-        Self { process: Some(process), choice: Some(choice), ..self }
+    /// The surface.
+    pub fn surface(&self) -> &Surface {
+        &self.surface
     }
 
-    /// The same with the template's deviation under each vertex, in metres.
-    fn with_template_std(self, template_std_m: Vec<f64>) -> Self {
-        Self { template_std_m: Some(template_std_m), ..self }
+    /// The centre of the template's body, in metres.
+    pub fn template_centre(&self) -> Point {
+        match &self.detail {
+            Detail::Paper(detail) => detail.template.shape.centre,
+            Detail::Palpate(detail) => detail.template.shape.body.centre,
+        }
+    }
+
+    /// What the template looks like, in a word.
+    pub fn template_family(&self) -> &'static str {
+        match &self.detail {
+            Detail::Paper(_) => "ellipsoid",
+            Detail::Palpate(detail) => detail.template.shape.family(),
+        }
+    }
+
+    /// Whether the template grew to the bound of its size.
+    pub fn has_diverged(&self) -> bool {
+        match &self.detail {
+            Detail::Paper(detail) => detail.template.diverged,
+            Detail::Palpate(detail) => detail.template.diverged,
+        }
+    }
+
+    /// Root mean square of what the surface leaves of the attractors' heights over the template, in
+    /// metres.
+    pub fn residual_m(&self) -> f64 {
+        match &self.detail {
+            Detail::Paper(detail) => detail.residual_m,
+            Detail::Palpate(detail) => detail.raised.residual_m,
+        }
+    }
+
+    fn deviations(&self) -> Option<Deviations<'_>> {
+        match &self.detail {
+            Detail::Paper(_) => None,
+            Detail::Palpate(detail) => Some(Deviations {
+                std_m: &detail.raised.std_m,
+                template_std_m: &detail.template_std_m,
+                process: &detail.raised.process,
+            }),
+        }
     }
 
     /// The farthest that this surface lies from another along its normals, in metres.

@@ -1,17 +1,17 @@
-//! Symmetry: places of the template that are likely to be displaced alike.
+//! Symmetry: points of the template whose displacements are correlated.
 //!
 //! A touch on one side of a bottle says something about its other side. Symmetry is never imposed:
-//! it is a share of the displacement's variance that mirrored or rotated places have in common, so
-//! what breaks it is still found, and it is taken up only when the evidence speaks for it.
+//! it is a share of the displacement's variance that mirrored or rotated points have in common, so
+//! what breaks it is still found, and it is assumed only where the evidence supports it.
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
 use nalgebra::{Matrix3, Rotation3, Unit};
 
-use crate::config::Symmetry as Declared;
-use crate::geometry::{Direction, Point, Vector};
+use crate::config::DeclaredSymmetry;
+use crate::geometry::{Point, SurfacePoint, Vector};
 
-/// Which places are alike.
+/// Which points are symmetric to each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Symmetry {
     /// None.
@@ -23,14 +23,14 @@ pub enum Symmetry {
 }
 
 impl Symmetry {
-    /// What is worth asking the evidence for, given what the caller has declared.
-    pub fn candidates(declared: Option<Declared>) -> Vec<Self> {
+    /// The hypotheses that are compared, given what the caller has declared.
+    pub fn candidates(declared: Option<DeclaredSymmetry>) -> Vec<Self> {
         let mirrors = (1..8).map(|planes| Self::Mirror([0, 1, 2].map(|axis| planes & (1 << axis) > 0)));
         let revolutions = (0..3).map(Self::Revolution);
         match declared {
             None => revolutions.chain(mirrors).collect(),
-            Some(Declared::Revolution) => revolutions.collect(),
-            Some(Declared::Mirror) => mirrors.take(3).collect(),
+            Some(DeclaredSymmetry::Revolution) => revolutions.collect(),
+            Some(DeclaredSymmetry::Mirror) => mirrors.take(3).collect(),
         }
     }
 
@@ -55,7 +55,7 @@ impl Symmetry {
         }
     }
 
-    /// Whether an axis of the template says what is alike.
+    /// Whether this axis of the template defines the symmetry.
     pub fn is_about(self, axis: usize) -> bool {
         match self {
             Self::None => false,
@@ -65,55 +65,39 @@ impl Symmetry {
     }
 }
 
-/// A place on the template: where it is and which way it faces.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Place {
-    /// In metres.
-    pub point: Vector,
-    /// Unit length, but for a place on an axis of revolution.
-    pub normal: Vector,
-}
-
-impl Place {
-    /// A place in the session's frame.
-    pub fn new(point: &Point, normal: &Direction) -> Self {
-        Self { point: point.coords, normal: normal.into_inner() }
-    }
-}
-
 /// A symmetry about the axes of a template.
 #[derive(Clone, Copy, Debug)]
-pub struct Fold {
+pub struct SymmetryFrame {
     /// A point on all of its planes and axes, in metres.
     pub centre: Point,
     /// The directions of the axes, as columns.
     pub axes: Rotation3<f64>,
-    /// What is alike.
+    /// Which points are symmetric.
     pub symmetry: Symmetry,
 }
 
-impl Fold {
-    /// For each of some places the one that all places alike are mapped to.
-    pub fn apply_all(&self, places: &[Place]) -> Vec<Place> {
-        places.iter().map(|place| self.apply(place)).collect()
+impl SymmetryFrame {
+    /// The representative of each of some points.
+    pub fn representatives(&self, points: &[SurfacePoint]) -> Vec<SurfacePoint> {
+        points.iter().map(|point| self.representative(point)).collect()
     }
 
-    /// The place that all places alike are mapped to.
-    pub fn apply(&self, place: &Place) -> Place {
+    /// The representative of a point: one point for all that are symmetric to each other.
+    pub fn representative(&self, place: &SurfacePoint) -> SurfacePoint {
         let point = self.axes.inverse_transform_vector(&(place.point - self.centre.coords));
         let normal = self.axes.inverse_transform_vector(&place.normal);
         match self.symmetry {
-            Symmetry::None => Place { point, normal },
+            Symmetry::None => SurfacePoint { point, normal },
             Symmetry::Mirror(planes) => {
                 let side = Vector::from_fn(|k, _| if planes[k] && point[k] < 0.0 { -1.0 } else { 1.0 });
-                Place { point: point.component_mul(&side), normal: normal.component_mul(&side) }
+                SurfacePoint { point: point.component_mul(&side), normal: normal.component_mul(&side) }
             }
             Symmetry::Revolution(axis) => {
                 let mut across = point;
                 across[axis] = 0.0;
                 let radius = across.norm();
                 let outward = across.try_normalize(1e-9).unwrap_or_else(Vector::zeros);
-                Place {
+                SurfacePoint {
                     point: Vector::new(radius, 0.0, point[axis]),
                     normal: Vector::new(normal.dot(&outward), 0.0, normal[axis]),
                 }
@@ -126,35 +110,40 @@ impl Fold {
 mod tests {
     use super::*;
 
-    fn fold(symmetry: Symmetry) -> Fold {
-        Fold {
+    fn frame_of(symmetry: Symmetry) -> SymmetryFrame {
+        SymmetryFrame {
             centre: Point::new(0.1, 0.0, 0.2),
             axes: Rotation3::from_euler_angles(0.3, 0.5, -0.2),
             symmetry,
         }
     }
 
-    fn place(fold: &Fold, local: Vector, normal: Vector) -> Place {
-        Place { point: fold.centre.coords + fold.axes * local, normal: fold.axes * normal.normalize() }
+    fn place(frame: &SymmetryFrame, local: Vector, normal: Vector) -> SurfacePoint {
+        SurfacePoint {
+            point: frame.centre.coords + frame.axes * local,
+            normal: frame.axes * normal.normalize(),
+        }
     }
 
     #[test]
-    fn mirrored_places_fold_together_and_others_do_not() {
-        let fold = fold(Symmetry::Mirror([true, false, false]));
-        let here = place(&fold, Vector::new(0.02, 0.01, 0.03), Vector::new(1.0, 0.2, 0.0));
-        let there = place(&fold, Vector::new(-0.02, 0.01, 0.03), Vector::new(-1.0, 0.2, 0.0));
-        let elsewhere = place(&fold, Vector::new(0.02, -0.01, 0.03), Vector::new(1.0, -0.2, 0.0));
-        let close = |a: Place, b: Place| (a.point - b.point).norm() + (a.normal - b.normal).norm() < 1e-12;
-        assert!(close(fold.apply(&here), fold.apply(&there)));
-        assert!(!close(fold.apply(&here), fold.apply(&elsewhere)));
+    fn mirrored_points_have_one_representative_and_others_do_not() {
+        let frame = frame_of(Symmetry::Mirror([true, false, false]));
+        let here = place(&frame, Vector::new(0.02, 0.01, 0.03), Vector::new(1.0, 0.2, 0.0));
+        let there = place(&frame, Vector::new(-0.02, 0.01, 0.03), Vector::new(-1.0, 0.2, 0.0));
+        let elsewhere = place(&frame, Vector::new(0.02, -0.01, 0.03), Vector::new(1.0, -0.2, 0.0));
+        let close = |a: SurfacePoint, b: SurfacePoint| {
+            (a.point - b.point).norm() + (a.normal - b.normal).norm() < 1e-12
+        };
+        assert!(close(frame.representative(&here), frame.representative(&there)));
+        assert!(!close(frame.representative(&here), frame.representative(&elsewhere)));
     }
 
     #[test]
-    fn places_on_one_circle_fold_together() {
-        let fold = fold(Symmetry::Revolution(2));
+    fn points_on_one_circle_have_one_representative() {
+        let frame = frame_of(Symmetry::Revolution(2));
         let at = |turn: f64| {
             let outward = Vector::new(turn.cos(), turn.sin(), 0.0);
-            fold.apply(&place(&fold, outward * 0.03 + Vector::z() * 0.05, outward + Vector::z()))
+            frame.representative(&place(&frame, outward * 0.03 + Vector::z() * 0.05, outward + Vector::z()))
         };
         for turn in [0.5, 2.0, 4.0] {
             assert!((at(turn).point - at(0.0).point).norm() < 1e-12);
@@ -163,11 +152,11 @@ mod tests {
     }
 
     #[test]
-    fn a_declared_symmetry_narrows_what_is_asked_for() {
+    fn a_declared_symmetry_narrows_the_hypotheses() {
         assert_eq!(Symmetry::candidates(None).len(), 10);
-        let revolutions = Symmetry::candidates(Some(Declared::Revolution));
+        let revolutions = Symmetry::candidates(Some(DeclaredSymmetry::Revolution));
         assert!(revolutions.iter().all(|s| matches!(s, Symmetry::Revolution(_))));
-        let mirrors = Symmetry::candidates(Some(Declared::Mirror));
+        let mirrors = Symmetry::candidates(Some(DeclaredSymmetry::Mirror));
         assert!(mirrors.iter().all(|s| matches!(s, Symmetry::Mirror(_))));
     }
 }

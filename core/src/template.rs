@@ -1,109 +1,33 @@
 //! The template: a primitive that guesses the whole object from the part that is known
 //! (Section III-D).
 //!
-//! METHOD_PAPER fits an ellipsoid. METHOD_PALPATE fits a union of superquadrics, which takes an
-//! ellipsoid, a cylinder, a box or a body with a neck, whichever the evidence asks for: the
-//! template selection that the paper leaves to the future.
+//! Takes the evidence and the fit before; gives a shape with how its fit went, in the session's
+//! frame. METHOD_PAPER fits an [`ellipsoid`]. METHOD_PALPATE [selects](selection) a union of
+//! superquadrics, which takes an ellipsoid, a cylinder, a box or a body with a neck, whichever the
+//! evidence supports: the template selection that the paper leaves to the future. Either becomes a
+//! [`TemplateSurface`], on which the local stage works.
 
-pub mod compound;
-pub mod covariance;
+mod compound;
+mod covariance;
+mod distances;
 pub mod ellipsoid;
 mod field;
 mod fit_data;
+mod least_squares;
 mod limb;
 mod part;
-pub mod selection;
+mod part_fit;
+mod patch_frame;
+mod selection;
 mod split;
 mod starts;
-pub mod superquadric;
+mod superquadric;
+mod surface;
 mod union;
 
-use nalgebra::Matrix3;
-
 pub use compound::Compound;
-pub use ellipsoid::Ellipsoid;
+pub use ellipsoid::{Ellipsoid, EllipsoidFit};
+pub use selection::SelectedFit;
+pub(crate) use selection::select;
 pub use superquadric::Superquadric;
-
-use crate::attractor::{Attractor, Sense};
-use crate::geometry::{Point, Vector};
-
-/// How a fit of a template went.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TemplateFit<Shape> {
-    /// The fitted shape.
-    pub shape: Shape,
-    /// Steps of the minimisation.
-    pub iterations: usize,
-    /// Whether it ended before its last step.
-    pub converged: bool,
-    /// The minimised cost, `0.5 Σ r²` in normalised units.
-    pub cost: f64,
-    /// Root mean square distance of the attractors to the shape, to first order, in metres.
-    pub rms_m: f64,
-    /// Whether a semi-axis ran into the bound of its size.
-    pub diverged: bool,
-}
-
-/// The frame in which a fit is well scaled, and where its prior expects the object.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct PatchFrame {
-    /// Centroid of the visual points.
-    pub(crate) origin: Point,
-    /// Their root mean square distance from it, in metres.
-    pub(crate) length_m: f64,
-    /// How many visual points there are, at least one.
-    pub(crate) visual_points: f64,
-    /// Where the prior expects the centre, in lengths from the origin: one length behind the
-    /// patch, seen from the camera; at the patch where no camera is known.
-    pub(crate) centre: Vector,
-}
-
-impl PatchFrame {
-    pub(crate) fn of(attractors: &[Attractor], viewpoint: Option<&Point>) -> Self {
-        let visual = || attractors.iter().filter(|a| a.sense == Sense::Vision).map(|a| &a.point);
-        let visual_points = visual().count().max(1) as f64;
-        let origin = Point::from(visual().map(|point| point.coords).sum::<Vector>() / visual_points);
-        let mean_square = visual().map(|point| (point - origin).norm_squared()).sum::<f64>() / visual_points;
-        let to_camera = viewpoint.and_then(|viewpoint| (viewpoint - origin).try_normalize(1e-9));
-        Self {
-            origin,
-            length_m: mean_square.sqrt(),
-            visual_points,
-            centre: to_camera.map_or_else(Vector::zeros, |direction| -direction),
-        }
-    }
-
-    /// A point in lengths from the origin.
-    pub(crate) fn local(&self, point: &Point) -> Vector {
-        (point - self.origin) / self.length_m
-    }
-
-    /// A point of the session's frame from one in lengths.
-    pub(crate) fn base(&self, local: &Vector) -> Point {
-        self.origin + local * self.length_m
-    }
-}
-
-/// The principal direction of rank `rank` (0 = least spread), with the sign of its third moment.
-fn principal_axis(offsets: &[Vector], rank: usize) -> Vector {
-    let covariance: Matrix3<f64> = offsets.iter().map(|v| v * v.transpose()).sum();
-    let eigen = covariance.symmetric_eigen();
-    let mut order = [0, 1, 2];
-    order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
-    let axis = eigen.eigenvectors.column(order[rank]).into_owned();
-    let skew: f64 = offsets.iter().map(|v| v.dot(&axis).powi(3)).sum();
-    if skew < 0.0 { -axis } else { axis }
-}
-
-/// Bounds of the logarithm of a semi-axis over the patch's length.
-pub(crate) const LOG_SIZE: (f64, f64) = (-3.0, 3.5);
-
-pub(crate) fn clamp_log_size(log_size: f64) -> f64 {
-    log_size.clamp(LOG_SIZE.0, LOG_SIZE.1)
-}
-
-/// Root mean square of distances, in their unit.
-pub(crate) fn root_mean_square(distances: impl ExactSizeIterator<Item = f64>) -> f64 {
-    let count = distances.len().max(1) as f64;
-    (distances.map(|d| d * d).sum::<f64>() / count).sqrt()
-}
+pub use surface::{Projection, TemplateSurface};

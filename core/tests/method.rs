@@ -3,12 +3,12 @@
 #![expect(clippy::unwrap_used, reason = "a test that meets nothing where something must be has failed")]
 
 use nalgebra::{Rotation3, UnitQuaternion};
-use palpate_core::config::{Config, Method, Settings, StopRule, Strategy, Symmetry};
+use palpate_core::config::{Config, DeclaredSymmetry, Method, Settings, StopRule, Strategy};
 use palpate_core::error::Error;
 use palpate_core::evidence::{
     Attempt, Contact, ContactDetail, Evidence, Outcome, Sweep, Target, VisualPrior, Wrench,
 };
-use palpate_core::exploration::{Candidate, KeepOut, Request};
+use palpate_core::exploration::{Candidate, KeepOut, ProposalRequest};
 use palpate_core::geometry::{Icosphere, Point, Pose, SurfaceIndex, Vector};
 use palpate_core::reconstruction::{Reconstruction, StopReason};
 
@@ -25,7 +25,7 @@ fn of(method: Method) -> Settings {
     Settings { method, ..Settings::default() }
 }
 
-const BEST: Request = Request { top_k: 1, keep_out: Vec::new(), tool: None };
+const BEST: ProposalRequest = ProposalRequest { top_k: 1, keep_out: Vec::new(), tool: None };
 
 impl Object {
     fn sphere() -> Self {
@@ -115,7 +115,7 @@ fn a_sphere_is_recovered_from_a_cap_and_thirty_touches() {
         let (_, state) = explore(&Object::sphere(), of(method), 30);
         let error_m = Object::sphere().mean_error_m(&state);
         assert!(error_m < 2e-4, "{method:?}: {error_m}");
-        let centre = state.last_estimate().unwrap().template.centre();
+        let centre = state.last_estimate().unwrap().template_centre();
         assert!((centre - Point::new(0.5, -0.1, 0.2)).norm() < 5e-4, "{method:?}: {centre}");
     }
 }
@@ -199,7 +199,8 @@ fn the_terms_of_a_score_add_up_to_it_and_candidates_lie_apart() {
     let gain = Settings { strategy: Strategy::ExpectedGain, ..settings[1].clone() };
     for settings in settings.into_iter().chain([gain]) {
         let state = explore(&Object::sphere(), settings, 4).1;
-        let candidates = state.propose(&Request { top_k: 6, tool, ..Request::default() }).candidates;
+        let candidates =
+            state.propose(&ProposalRequest { top_k: 6, tool, ..ProposalRequest::default() }).candidates;
         assert_eq!(candidates.len(), 6);
         assert!(candidates.iter().all(|candidate| candidate.terms.iter().any(|term| term.term == "travel")));
         assert_sound_candidates(&candidates);
@@ -214,7 +215,7 @@ fn the_heavier_the_way_weighs_the_nearer_to_the_tool_is_the_next_candidate() {
             let settings = Settings { strategy, alpha_travel, ..of(Method::Palpate) };
             // The touches before are the same: they were asked for without a tool.
             let (_, state) = explore(&Object::sphere(), settings, 6);
-            let proposal = state.propose(&Request { tool, ..BEST });
+            let proposal = state.propose(&ProposalRequest { tool, ..BEST });
             (proposal.candidates[0].probe_start - behind).norm()
         };
         let ways = [0.0, 0.3, 3.0, 300.0].map(|weight| way_m(weight, Some(behind)));
@@ -249,7 +250,11 @@ fn no_candidate_enters_what_is_kept_out() {
     let (_, state) = explore(&Object::sphere(), Settings::default(), 0);
     let above = KeepOut::HalfSpace { normal: Vector::z_axis(), offset_m: 0.2 };
     let ball = KeepOut::Ball { center: Point::new(0.5, -0.1, 0.245), radius_m: 0.02 };
-    let proposal = state.propose(&Request { top_k: 20, keep_out: vec![above, ball], ..Request::default() });
+    let proposal = state.propose(&ProposalRequest {
+        top_k: 20,
+        keep_out: vec![above, ball],
+        ..ProposalRequest::default()
+    });
     assert!(proposal.excluded.keep_out > 0 && !proposal.candidates.is_empty());
     for candidate in proposal.candidates {
         assert!(candidate.probe_start.z.min(candidate.probe_end.z) >= 0.2);
@@ -268,7 +273,7 @@ fn assert_sound(state: &Reconstruction) {
     let surface = state.surface().unwrap();
     assert!(surface.mesh.vertices.iter().all(|v| v.coords.iter().all(|x| x.is_finite())));
     assert!(surface.uncertainty.iter().all(|u| (0.0..=1.0).contains(u)));
-    for candidate in state.propose(&Request { top_k: 3, ..Request::default() }).candidates {
+    for candidate in state.propose(&ProposalRequest { top_k: 3, ..ProposalRequest::default() }).candidates {
         assert!(candidate.score.is_finite() && candidate.normal.iter().all(|x| x.is_finite()));
     }
 }
@@ -300,7 +305,7 @@ fn degenerate_touches_give_a_sound_surface() {
 }
 
 fn assert_sound_after_odd_touches(mut state: Reconstruction) {
-    let centre = state.last_estimate().unwrap().template.centre();
+    let centre = state.last_estimate().unwrap().template_centre();
     let push = Wrench { force: Vector::new(0.0, 0.0, -5.0), torque: Vector::zeros() };
     for (point, wrench) in [
         (centre, push),
@@ -378,7 +383,7 @@ fn a_finer_mesh_gives_the_same_template() {
         let fine = Config::new(Settings { icosphere_subdivisions: 5, ..of(method) }).unwrap();
         let fold = |state: Reconstruction, evidence: &Evidence| state.absorb(evidence).unwrap().0;
         let fine = log.iter().fold(Reconstruction::new(fine), fold);
-        let centre = |state: &Reconstruction| state.last_estimate().unwrap().template.centre();
+        let centre = |state: &Reconstruction| state.last_estimate().unwrap().template_centre();
         assert_eq!(centre(&coarse), centre(&fine));
         let (coarse_u, fine_u) = (coarse.stats().mean_uncertainty, fine.stats().mean_uncertainty);
         assert!((coarse_u - fine_u).abs() < 0.03, "{coarse_u} {fine_u}");
@@ -435,9 +440,9 @@ fn deviations_cover_the_error_of_a_known_shape() {
 
 #[test]
 fn a_declared_symmetry_is_taken_and_the_paper_s_method_refuses_one() {
-    let settings = Settings { symmetry: Some(Symmetry::Revolution), ..of(Method::Palpate) };
+    let settings = Settings { symmetry: Some(DeclaredSymmetry::Revolution), ..of(Method::Palpate) };
     let (_, state) = explore(&Object::sphere(), settings, 25);
     assert!(Object::sphere().mean_error_m(&state) < 1e-3);
-    let settings = Settings { symmetry: Some(Symmetry::Mirror), ..of(Method::Paper) };
+    let settings = Settings { symmetry: Some(DeclaredSymmetry::Mirror), ..of(Method::Paper) };
     assert_eq!(Config::new(settings).unwrap_err().field, "symmetry");
 }

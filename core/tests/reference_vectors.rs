@@ -5,13 +5,14 @@
 #![expect(clippy::unwrap_used, reason = "a test that meets nothing where something must be has failed")]
 
 use nalgebra::{Matrix3, Rotation3};
-use palpate_core::attractor::{Attractor, Sense};
+
 use palpate_core::config::{Config, Method, Settings};
-use palpate_core::deformation::{self, ThinPlate};
-use palpate_core::exploration::{self, Request, View};
-use palpate_core::geometry::{Icosphere, Point, SurfaceIndex, TriangleMesh, Vector};
-use palpate_core::ledger::Ledger;
-use palpate_core::template::{Ellipsoid, TemplateFit, ellipsoid};
+use palpate_core::evidence::attractor::{Attractor, Sense};
+use palpate_core::evidence::ledger::Ledger;
+use palpate_core::exploration::{self, ProposalRequest, Situation};
+use palpate_core::geometry::{Icosphere, Point, TriangleMesh, Vector};
+use palpate_core::local::thin_plate::ThinPlate;
+use palpate_core::template::{Ellipsoid, EllipsoidFit, Projection, TemplateSurface, ellipsoid};
 use palpate_core::uncertainty::{self, Reach};
 use serde_json::Value;
 
@@ -46,7 +47,7 @@ impl Reference {
     }
 
     /// The reference starts its first fit from a sphere with the axes of the frame.
-    fn first_fit(&self) -> TemplateFit<Ellipsoid> {
+    fn first_fit(&self) -> EllipsoidFit {
         let visual: Vec<_> = self.attractors.iter().copied().filter(|a| a.sense == Sense::Vision).collect();
         let start = Ellipsoid {
             base_from_template: Rotation3::identity(),
@@ -55,18 +56,25 @@ impl Reference {
         ellipsoid::fit(&visual, Some(&self.camera), &start, false)
     }
 
-    fn fit(&self) -> TemplateFit<Ellipsoid> {
+    fn fit(&self) -> EllipsoidFit {
         ellipsoid::fit(&self.attractors, Some(&self.camera), &self.first_fit().shape, true)
+    }
+
+    fn surface(&self) -> TemplateSurface {
+        TemplateSurface::new(self.fit().shape.mesh(Icosphere::get(4)))
+    }
+
+    fn projections(&self) -> Vec<Projection> {
+        let surface = self.surface();
+        self.attractors.iter().map(|attractor| surface.project(&attractor.point)).collect()
     }
 
     /// The template's mesh and the deformed one.
     fn meshes(&self) -> (TriangleMesh, TriangleMesh) {
-        let global = self.fit().shape.mesh(Icosphere::get(4));
-        let index = SurfaceIndex::new(&global).unwrap();
-        let projections = deformation::project(&global, &index, &self.attractors);
-        let (plate, _) = ThinPlate::fit(&projections);
-        let deformed = plate.displace(&global, &global.vertex_normals());
-        (global, deformed)
+        let surface = self.surface();
+        let plate = ThinPlate::fit(&self.projections());
+        let deformed = surface.raised(&plate.heights_m(&surface.mesh().vertices));
+        (surface.mesh().clone(), deformed)
     }
 
     fn uncertainty(&self, mesh: &TriangleMesh) -> Vec<f64> {
@@ -126,13 +134,15 @@ fn a_start_from_the_data_finds_the_same_surface() {
 #[test]
 fn attractors_project_onto_the_template_as_in_the_reference() {
     for reference in Reference::all() {
-        let (global, _) = reference.meshes();
-        let index = SurfaceIndex::new(&global).unwrap();
-        let projections = deformation::project(&global, &index, &reference.attractors);
+        let projections = reference.projections();
         for expected in reference.file["projections"].as_array().unwrap() {
             let found = &projections[expected["i"].as_u64().unwrap() as usize];
-            assert_close(&found.point, &Point::from_slice(&numbers(&expected["p"])), "projection");
-            assert!((found.displacement_m - expected["d"].as_f64().unwrap()).abs() < TOLERANCE_M);
+            assert_close(
+                &found.foot.point.into(),
+                &Point::from_slice(&numbers(&expected["p"])),
+                "projection",
+            );
+            assert!((found.height_m - expected["d"].as_f64().unwrap()).abs() < TOLERANCE_M);
         }
     }
 }
@@ -174,7 +184,7 @@ fn the_next_contact_is_chosen_like_in_the_reference() {
     let config = Config::new(Settings { method: Method::Paper, ..Settings::default() }).unwrap();
     for reference in Reference::all() {
         let (_, mesh) = reference.meshes();
-        let view = View {
+        let situation = Situation {
             config: &config,
             ledger: &Ledger::default(),
             sphere: Icosphere::get(4),
@@ -183,11 +193,10 @@ fn the_next_contact_is_chosen_like_in_the_reference() {
             uncertainty: &reference.uncertainty(&mesh),
             centre: reference.fit().shape.centre,
             reach: REACH,
-            std_m: None,
-            process: None,
-            template_std_m: None,
+            deviations: None,
         };
-        let proposal = exploration::propose(&view, &Request { top_k: 8, ..Request::default() });
+        let proposal =
+            exploration::propose(&situation, &ProposalRequest { top_k: 8, ..ProposalRequest::default() });
         let expected = Point::from_slice(&numbers(&reference.file["chosen_xyz"]));
         let nearest = proposal
             .candidates

@@ -7,7 +7,7 @@ use palpate_core::config::{Config, Settings, Stages};
 use palpate_core::evidence::{
     Attempt, Contact, ContactDetail, Evidence, Outcome, Sweep, Target, VisualPrior, Wrench,
 };
-use palpate_core::exploration::Request;
+use palpate_core::exploration::ProposalRequest;
 use palpate_core::geometry::{Icosphere, Point, Pose, Vector};
 use palpate_core::reconstruction::Reconstruction;
 use palpate_core::template::{Compound, Superquadric};
@@ -72,7 +72,7 @@ fn states(log: &[Evidence], stages: Stages) -> Vec<Reconstruction> {
 }
 
 fn families(log: &[Evidence], stages: Stages) -> Vec<&'static str> {
-    states(log, stages).iter().map(|state| state.last_estimate().unwrap().template.family()).collect()
+    states(log, stages).iter().map(|state| state.last_estimate().unwrap().template_family()).collect()
 }
 
 #[test]
@@ -99,8 +99,10 @@ fn an_early_contact_is_an_attractor_only_where_it_is_to_be_kept() {
 fn a_term_of_the_score_is_there_only_where_it_is_in_use() {
     let log = evidence(&bottle(), 5);
     let has_term = |name, stages| {
-        let proposal =
-            states(&log, stages).last().unwrap().propose(&Request { top_k: 1, ..Request::default() });
+        let proposal = states(&log, stages)
+            .last()
+            .unwrap()
+            .propose(&ProposalRequest { top_k: 1, ..ProposalRequest::default() });
         proposal.candidates[0].terms.iter().any(|term| term.term == name)
     };
     let all = Stages::default();

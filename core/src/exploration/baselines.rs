@@ -4,48 +4,50 @@
 use rand::RngExt;
 use rand::seq::SliceRandom;
 
-use super::{Excluded, Ranked, Ranking, ScoreTerm, View};
+use super::proposal::{Excluded, ScoreTerm};
+use super::ranking::{Ranked, Ranking};
+use super::rng::{Use, generator};
+use super::situation::Situation;
 use crate::geometry::Vector;
-use crate::rng::{Use, generator};
 
 /// Directions of the uniform strategy where no budget of attempts is configured.
 const DIRECTIONS: u32 = 50;
 
 /// The vertex of the highest uncertainty; ties by the seeded generator (Section IV-B, minU).
-pub(super) fn min_uncertainty(view: &View<'_>, reachable: &[u32]) -> Ranking<'static> {
+pub(super) fn min_uncertainty(situation: &Situation<'_>, reachable: &[u32]) -> Ranking<'static> {
     let mut order = reachable.to_vec();
-    order.shuffle(&mut generator(view.config.seed, Use::Ties, view.ledger.tallies.attempts));
+    order.shuffle(&mut generator(situation.config.seed, Use::Ties, situation.ledger.tallies.attempts));
     by_value(
         order,
         "uncertainty",
-        |vertex| view.uncertainty[vertex as usize],
+        |vertex| situation.uncertainty[vertex as usize],
         |value| format!("uncertainty {value:.2}, the highest of the surface"),
     )
 }
 
 /// Evenly spread directions from the template's centre, fixed before the first touch.
-pub(super) fn uniform(view: &View<'_>, reachable: &[u32]) -> Ranking<'static> {
-    let count = view.config.stop.max_attempts.unwrap_or(DIRECTIONS).max(1);
+pub(super) fn uniform(situation: &Situation<'_>, reachable: &[u32]) -> Ranking<'static> {
+    let count = situation.config.stop.max_attempts.unwrap_or(DIRECTIONS).max(1);
     let mut order: Vec<u32> = (0..count).collect();
-    order.shuffle(&mut generator(view.config.seed, Use::Directions, 0));
-    let turn = view.ledger.tallies.attempts % count;
-    let direction = fibonacci_direction(order[turn as usize], count);
+    order.shuffle(&mut generator(situation.config.seed, Use::Directions, 0));
+    let number = situation.ledger.tallies.attempts % count;
+    let direction = fibonacci_direction(order[number as usize], count);
     by_value(
         reachable.to_vec(),
         "alignment",
         |vertex| {
-            let offset = view.mesh.vertices[vertex as usize] - view.centre;
+            let offset = situation.mesh.vertices[vertex as usize] - situation.centre;
             offset.try_normalize(0.0).map_or(-1.0, |towards| towards.dot(&direction))
         },
-        move |_| format!("direction {} of {count} spread evenly over the sphere", turn + 1),
+        move |_| format!("direction {} of {count} spread evenly over the sphere", number + 1),
     )
 }
 
 /// Any point of the surface, by area.
-pub(super) fn random(view: &View<'_>, reachable: &[u32]) -> Ranking<'static> {
-    let mut random = generator(view.config.seed, Use::Picks, view.ledger.tallies.attempts);
+pub(super) fn random(situation: &Situation<'_>, reachable: &[u32]) -> Ranking<'static> {
+    let mut random = generator(situation.config.seed, Use::Picks, situation.ledger.tallies.attempts);
     // The largest of u^(1/area) is a draw weighted by area, and so is each that follows it.
-    let areas = view.mesh.vertex_areas();
+    let areas = situation.mesh.vertex_areas();
     let draws: Vec<f64> = areas
         .iter()
         .map(|area| random.random::<f64>().powf(area.max(f64::MIN_POSITIVE).recip().min(1e12)))

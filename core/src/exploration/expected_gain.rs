@@ -8,9 +8,12 @@
 //! `ln(expected share of the variance removed) + 2 ln P(contact) - failures nearby`.
 //! It is as cautious as the proactive strategy: no further than next to what is confident.
 
+use super::proposal::{Excluded, ScoreTerm};
+use super::ranking::{Ranked, Ranking};
+use super::situation::{Deviations, Situation};
 use super::travel::Travel;
-use super::{Excluded, Ranked, Ranking, ScoreTerm, View, failures, risk};
-use crate::thinning;
+use super::{failures, risk};
+use crate::geometry::farthest_point_sampling;
 
 /// So many places are compared, spread evenly over what may be touched.
 const PLACES: usize = 128;
@@ -23,32 +26,35 @@ const CONTACT_WEIGHT: f64 = 2.0;
 const NOISE_M: f64 = 0.001;
 
 /// Ranks an even selection of the reachable vertices.
-pub(super) fn rank(view: &View<'_>, reachable: &[u32], travel: Option<Travel>) -> Ranking<'static> {
-    let (mut free, recently_failed) = failures::leave_out_taboo(view, reachable);
+pub(super) fn rank(situation: &Situation<'_>, reachable: &[u32], travel: Option<Travel>) -> Ranking<'static> {
+    let (mut free, recently_failed) = failures::leave_out_taboo(situation, reachable);
     let mut excluded = Excluded { recently_failed, ..Excluded::default() };
-    let is_trusted = |vertex: u32| view.is_confident(vertex) || view.has_confident_neighbour(vertex);
+    let is_trusted =
+        |vertex: u32| situation.is_confident(vertex) || situation.has_confident_neighbour(vertex);
     let trusted: Vec<u32> = free.iter().copied().filter(|&vertex| is_trusted(vertex)).collect();
     excluded.no_confident_neighbour = (free.len() - trusted.len()) as u32;
     let relaxed = trusted.is_empty();
     if !relaxed {
         free = trusted;
     }
-    let at = |&vertex: &u32| view.mesh.vertices[vertex as usize];
+    let at = |&vertex: &u32| situation.mesh.vertices[vertex as usize];
     let points: Vec<_> = free.iter().map(at).collect();
     let places: Vec<u32> =
-        thinning::farthest_first(&points, PLACES).into_iter().map(|place| free[place]).collect();
-    let gains = expected_gains(view, &places);
+        farthest_point_sampling(&points, PLACES).into_iter().map(|place| free[place]).collect();
+    let gains = expected_gains(situation, &places);
     let offer = |(&vertex, gain): (&u32, f64)| {
-        let risk = view.std_m.map_or(0.0, |std_m| risk::of_failure(view.config, std_m[vertex as usize]));
+        let risk = situation
+            .deviations
+            .map_or(0.0, |d| risk::of_failure(situation.config, d.std_m[vertex as usize]));
         let term = |term, weight, value| ScoreTerm { term, weight, value };
         let mut terms = vec![
             term("gain", 1.0, gain.max(f64::MIN_POSITIVE).ln()),
             term("contact", CONTACT_WEIGHT, (1.0 - risk).ln()),
         ];
-        if view.config.stages.failure_penalty {
-            terms.push(failures::term(view, vertex));
+        if situation.config.stages.failure_penalty {
+            terms.push(failures::term(situation, vertex));
         }
-        terms.extend(travel.map(|travel| travel.term(view, vertex)));
+        terms.extend(travel.map(|travel| travel.term(situation, vertex)));
         Ranked { vertex, terms, mean_geodesic_m: None }
     };
     let mut ranked: Vec<Ranked> = places.iter().zip(gains).map(offer).collect();
@@ -58,13 +64,13 @@ pub(super) fn rank(view: &View<'_>, reachable: &[u32], travel: Option<Travel>) -
 
 /// For each of some vertices the share of the surface's variance that a touch there is expected
 /// to remove, in [0, 1].
-fn expected_gains(view: &View<'_>, places: &[u32]) -> Vec<f64> {
-    let (Some(process), Some(std_m)) = (view.process, view.std_m) else {
+fn expected_gains(situation: &Situation<'_>, places: &[u32]) -> Vec<f64> {
+    let Some(Deviations { std_m, process, .. }) = situation.deviations else {
         return vec![0.0; places.len()];
     };
     // An icosphere begins with the vertices of the coarser ones, and these lie evenly.
-    let observed: Vec<u32> = (0..OBSERVED.min(view.mesh.vertices.len()) as u32).collect();
-    let areas = view.mesh.vertex_areas();
+    let observed: Vec<u32> = (0..OBSERVED.min(situation.mesh.vertices.len()) as u32).collect();
+    let areas = situation.mesh.vertex_areas();
     let correlation = process.correlation(places, &observed);
     let variance = |vertex: u32| std_m[vertex as usize].powi(2);
     let total: f64 = observed.iter().map(|&v| areas[v as usize] * variance(v)).sum();
@@ -80,7 +86,7 @@ fn expected_gains(view: &View<'_>, places: &[u32]) -> Vec<f64> {
 }
 
 fn explain(ranked: &Ranked) -> String {
-    let (gain, contact) = (ranked.terms[0].value.exp(), ranked.terms[1].value.exp());
+    let (gain, contact) = (ranked.value("gain").exp(), ranked.value("contact").exp());
     format!(
         "a touch is expected to remove {:.1} % of what is uncertain, and to meet the surface with {:.0} %",
         100.0 * gain,
@@ -92,36 +98,37 @@ fn explain(ranked: &Ranked) -> String {
 mod tests {
     use super::*;
     use crate::config::Config;
-    use crate::displacement::{Displacement, Observation, Prior, VertexProcess};
-    use crate::geometry::{Icosphere, Point};
-    use crate::ledger::Ledger;
-    use crate::symmetry::{Fold, Place, Symmetry};
+    use crate::evidence::ledger::Ledger;
+    use crate::geometry::{Icosphere, Point, SurfacePoint};
+    use crate::local::VertexProcess;
+    use crate::local::process::{Displacement, Observation, Prior};
+    use crate::symmetry::{Symmetry, SymmetryFrame};
     use nalgebra::Rotation3;
 
     #[test]
     fn the_expected_gain_is_what_a_touch_there_removes() {
         let sphere = Icosphere::get(3);
         let mesh = sphere.mesh_of(|direction| Point::from(direction.into_inner() * 0.05));
-        let places: Vec<Place> =
-            mesh.vertices.iter().zip(&sphere.directions).map(|(p, n)| Place::new(p, n)).collect();
-        let touch =
-            |vertex: usize, noise_m| Observation { place: places[vertex], displacement_m: 0.0, noise_m };
+        let places: Vec<SurfacePoint> =
+            mesh.vertices.iter().zip(&sphere.directions).map(|(p, n)| SurfacePoint::new(p, n)).collect();
+        let touch = |vertex: usize, noise_m| Observation { at: places[vertex], height_m: 0.0, noise_m };
         let mut seen: Vec<Observation> = [0, 5, 20, 100, 300].map(|vertex| touch(vertex, 5e-4)).into();
         for symmetry in [Symmetry::None, Symmetry::Mirror([true, false, false])] {
-            let fold = Fold { centre: Point::origin(), axes: Rotation3::identity(), symmetry };
-            let prior = Prior { length_m: 0.03, amplitude_m: 0.006, fold };
+            let frame = SymmetryFrame { centre: Point::origin(), axes: Rotation3::identity(), symmetry };
+            let prior = Prior { length_m: 0.03, amplitude_m: 0.006, frame };
             let deviations_m = |seen: &[Observation]| Displacement::fit(prior, seen).predict(&places).1;
             let before = deviations_m(&seen);
             let process = VertexProcess::new(Displacement::fit(prior, &seen), places.clone(), before.clone());
             let (config, ledger) = (Config::default(), Ledger::default());
-            let plain = View::plain(&config, &ledger, sphere, &mesh);
-            let view = View { std_m: Some(&before), process: Some(&process), ..plain };
+            let deviations = Deviations { std_m: &before, template_std_m: &before, process: &process };
+            let plain = Situation::plain(&config, &ledger, sphere, &mesh);
+            let situation = Situation { deviations: Some(deviations), ..plain };
             let chosen = [5, 17, 250, 641];
             let areas = mesh.vertex_areas();
             let variance = |deviations_m: &[f64]| -> f64 {
                 deviations_m.iter().zip(&areas).map(|(deviation_m, area)| area * deviation_m.powi(2)).sum()
             };
-            for (vertex, gain) in chosen.iter().zip(expected_gains(&view, &chosen)) {
+            for (vertex, gain) in chosen.iter().zip(expected_gains(&situation, &chosen)) {
                 seen.push(touch(*vertex as usize, NOISE_M));
                 let removed = 1.0 - variance(&deviations_m(&seen)) / variance(&before);
                 seen.pop();

@@ -3,14 +3,10 @@
 //! A failed candidate is taboo until three later contacts have succeeded: the estimate has hardly
 //! changed, and the same choice would fail for ever.
 
-use super::{ScoreTerm, View};
-use crate::config::Method;
+use super::proposal::ScoreTerm;
+use super::situation::Situation;
 
-/// Candidates this close to a failed one are taboo, in metres, and on a small object of
-/// METHOD_PALPATE within this share of the length over which confidence halves.
-const TABOO_RADIUS_M: f64 = 0.010;
-const TABOO_SHARE: f64 = 0.5;
-/// Until this many later contacts have succeeded.
+/// A failed candidate is taboo until this many later contacts have succeeded.
 const TABOO_CONTACTS: u32 = 3;
 /// A failure makes its surroundings less attractive over this distance, in metres.
 const FAILURE_RADIUS_M: f64 = 0.035;
@@ -19,33 +15,30 @@ const FAILURE_RADIUS_M: f64 = 0.035;
 const HALF_LIFE_CONTACTS: f64 = 10.0;
 
 /// Whether a candidate close by failed and too little has been learnt since.
-pub(super) fn is_taboo(view: &View<'_>, vertex: u32) -> bool {
-    let point = &view.mesh.vertices[vertex as usize];
-    let contacts = view.ledger.tallies.contacts;
-    let radius_m = match view.config.method {
-        Method::Paper => TABOO_RADIUS_M,
-        Method::Palpate => TABOO_RADIUS_M.min(TABOO_SHARE * view.reach.length_m),
-    };
-    view.ledger.failures.iter().any(|failure| {
+pub(super) fn is_taboo(situation: &Situation<'_>, vertex: u32) -> bool {
+    let point = &situation.mesh.vertices[vertex as usize];
+    let contacts = situation.ledger.tallies.contacts;
+    let radius_m = situation.config.method.taboo_radius_m(situation.reach);
+    situation.ledger.failures.iter().any(|failure| {
         contacts < failure.contacts_before + TABOO_CONTACTS && (failure.point - point).norm() < radius_m
     })
 }
 
 /// The vertices that are not taboo, and how many are.
-pub(super) fn leave_out_taboo(view: &View<'_>, vertices: &[u32]) -> (Vec<u32>, u32) {
-    let free: Vec<u32> = vertices.iter().copied().filter(|&vertex| !is_taboo(view, vertex)).collect();
+pub(super) fn leave_out_taboo(situation: &Situation<'_>, vertices: &[u32]) -> (Vec<u32>, u32) {
+    let free: Vec<u32> = vertices.iter().copied().filter(|&vertex| !is_taboo(situation, vertex)).collect();
     let taboo = (vertices.len() - free.len()) as u32;
     (free, taboo)
 }
 
 /// The term for past failures, each counted by its nearness and by how little was learnt since: the
 /// estimate is less to be trusted around them.
-pub(super) fn term(view: &View<'_>, vertex: u32) -> ScoreTerm {
-    let point = &view.mesh.vertices[vertex as usize];
+pub(super) fn term(situation: &Situation<'_>, vertex: u32) -> ScoreTerm {
+    let point = &situation.mesh.vertices[vertex as usize];
     let nearness = |square_m2: f64| (-square_m2 / (2.0 * FAILURE_RADIUS_M.powi(2))).exp();
-    let contacts = view.ledger.tallies.contacts;
+    let contacts = situation.ledger.tallies.contacts;
     let memory = |before: u32| 0.5_f64.powf(f64::from(contacts - before) / HALF_LIFE_CONTACTS);
-    let failures = view.ledger.failures.iter();
+    let failures = situation.ledger.failures.iter();
     let value = failures
         .map(|failure| memory(failure.contacts_before) * nearness((failure.point - point).norm_squared()))
         .sum();
@@ -56,8 +49,8 @@ pub(super) fn term(view: &View<'_>, vertex: u32) -> ScoreTerm {
 mod tests {
     use super::*;
     use crate::config::Config;
+    use crate::evidence::ledger::{Failure, Ledger};
     use crate::geometry::{Icosphere, Point, Vector};
-    use crate::ledger::{Failure, Ledger};
 
     #[test]
     fn a_failure_deters_close_by_and_is_half_forgotten_after_ten_contacts() {
@@ -77,8 +70,8 @@ mod tests {
             ledger.failures.push(Failure { point: mesh.vertices[here as usize], contacts_before: 3 });
             ledger.tallies.contacts = contacts;
             let config = Config::default();
-            let view = View::plain(&config, &ledger, sphere, &mesh);
-            term(&view, vertex).value
+            let situation = Situation::plain(&config, &ledger, sphere, &mesh);
+            term(&situation, vertex).value
         };
         assert_eq!(value(here, 3), 1.0);
         assert!((value(here, 13) - 0.5).abs() < 1e-12);

@@ -7,11 +7,13 @@
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
+use super::proposal::{Excluded, ScoreTerm};
+use super::ranking::{Ranked, Ranking, total};
+use super::situation::Situation;
 use super::travel::Travel;
-use super::{Excluded, Ranked, Ranking, ScoreTerm, View, failures, risk, template_error, total};
-use crate::config::Method;
-use crate::geodesic::Geodesics;
-use crate::uncertainty::{Ring, scaled_hops};
+use super::{failures, risk, template_error};
+use crate::geometry::{Geodesics, Ring};
+use crate::uncertainty::scaled_hops;
 
 /// The threshold of uncertainty is multiplied by this until something is feasible.
 const RELAXATION: f64 = 0.8;
@@ -19,14 +21,14 @@ const RELAXATION: f64 = 0.8;
 const LEAST_THRESHOLD: f64 = 1e-3;
 
 /// Ranks the reachable vertices by `a_G G + a_U U`, Eq. (3).
-pub(super) fn rank<'a>(view: &View<'a>, reachable: &[u32], travel: Option<Travel>) -> Ranking<'a> {
-    let (free, recently_failed) = failures::leave_out_taboo(view, reachable);
+pub(super) fn rank<'a>(situation: &Situation<'a>, reachable: &[u32], travel: Option<Travel>) -> Ranking<'a> {
+    let (free, recently_failed) = failures::leave_out_taboo(situation, reachable);
     let mut excluded = Excluded { recently_failed, ..Excluded::default() };
-    let uncertainty = |vertex: u32| view.uncertainty[vertex as usize];
-    let frontier = Frontier::new(view);
+    let uncertainty = |vertex: u32| situation.uncertainty[vertex as usize];
+    let frontier = Frontier::new(situation);
     let at_frontier: Vec<u32> =
-        free.iter().copied().filter(|&vertex| view.has_confident_neighbour(vertex)).collect();
-    let mut threshold = view.config.candidate_min;
+        free.iter().copied().filter(|&vertex| situation.has_confident_neighbour(vertex)).collect();
+    let mut threshold = situation.config.candidate_min;
     let feasible = |threshold: f64| -> Vec<u32> {
         at_frontier.iter().copied().filter(|&vertex| uncertainty(vertex) >= threshold).collect()
     };
@@ -87,20 +89,20 @@ impl<'a> BestFirst<'a> {
 
     /// The terms of Eq. (3), and those that a method adds.
     fn terms(&self, vertex: u32, mean_geodesic_m: f64) -> Vec<ScoreTerm> {
-        let view = &self.frontier.view;
+        let situation = &self.frontier.situation;
         let distance = if self.largest_m > 0.0 { mean_geodesic_m / self.largest_m } else { 0.0 };
         let term = |term, weight, value| ScoreTerm { term, weight, value };
         let mut terms = vec![
-            term("geodesic", view.config.alpha_geodesic, distance),
-            term("uncertainty", view.config.alpha_uncertainty(), view.uncertainty[vertex as usize]),
+            term("geodesic", situation.config.alpha_geodesic, distance),
+            term("uncertainty", situation.config.alpha_uncertainty(), situation.uncertainty[vertex as usize]),
         ];
-        if view.config.method == Method::Palpate {
-            let stages = &view.config.stages;
-            terms.extend(stages.template_error.then(|| template_error::term(view, vertex)).flatten());
-            terms.extend(stages.risk.then(|| risk::term(view, vertex)).flatten());
-            terms.extend(stages.failure_penalty.then(|| failures::term(view, vertex)));
+        if situation.config.method.has_extra_terms() {
+            let stages = &situation.config.stages;
+            terms.extend(stages.template_error.then(|| template_error::term(situation, vertex)).flatten());
+            terms.extend(stages.risk.then(|| risk::term(situation, vertex)).flatten());
+            terms.extend(stages.failure_penalty.then(|| failures::term(situation, vertex)));
         }
-        terms.extend(self.travel.map(|travel| travel.term(view, vertex)));
+        terms.extend(self.travel.map(|travel| travel.term(situation, vertex)));
         terms
     }
 }
@@ -157,7 +159,7 @@ impl PartialEq for Scored {
 }
 
 fn explain(ranked: &Ranked, lowered: Option<f64>) -> String {
-    let u = ranked.terms[1].value;
+    let u = ranked.value("uncertainty");
     let distance = match ranked.mean_geodesic_m {
         Some(m) => {
             format!("on average {:.0} mm along the surface from the confident vertices around it", 1e3 * m)
@@ -173,7 +175,7 @@ fn explain(ranked: &Ranked, lowered: Option<f64>) -> String {
 
 /// The border between what is confident and what is not.
 pub(super) struct Frontier<'a> {
-    view: View<'a>,
+    situation: Situation<'a>,
     hops: usize,
     ring: Ring,
     geodesics: Geodesics<'a>,
@@ -181,37 +183,41 @@ pub(super) struct Frontier<'a> {
 }
 
 impl<'a> Frontier<'a> {
-    pub(super) fn new(view: &View<'a>) -> Self {
-        let count = view.mesh.vertices.len();
+    pub(super) fn new(situation: &Situation<'a>) -> Self {
+        let count = situation.mesh.vertices.len();
         Self {
-            view: *view,
-            hops: scaled_hops(view.reach.hops, count),
+            situation: *situation,
+            hops: scaled_hops(situation.reach.hops, count),
             ring: Ring::new(count),
-            geodesics: Geodesics::new(view.sphere, &view.mesh.vertices),
+            geodesics: Geodesics::new(situation.sphere, &situation.mesh.vertices),
             paths_m: Vec::new(),
         }
     }
 
     /// Mean geodesic distance from a vertex to the confident vertices of its ring, in metres.
     pub(super) fn mean_geodesic_m(&mut self, vertex: u32) -> Option<f64> {
-        self.ring.around(self.view.sphere, vertex, self.hops);
+        self.ring.around(self.situation.sphere, vertex, self.hops);
         self.geodesics.spread(vertex, &self.ring);
         let others = self.ring.vertices()[1..].iter();
-        mean(others.filter(|&&other| self.view.is_confident(other)).map(|&other| self.geodesics.to(other)))
+        mean(
+            others
+                .filter(|&&other| self.situation.is_confident(other))
+                .map(|&other| self.geodesics.to(other)),
+        )
     }
 
     /// The same along edges, from hop to hop: quickly found, and never shorter.
     fn mean_edge_path_m(&mut self, vertex: u32) -> Option<f64> {
-        self.ring.around(self.view.sphere, vertex, self.hops);
+        self.ring.around(self.situation.sphere, vertex, self.hops);
         self.paths_m.clear();
-        let at = |vertex: u32| &self.view.mesh.vertices[vertex as usize];
+        let at = |vertex: u32| &self.situation.mesh.vertices[vertex as usize];
         for (&other, &parent) in self.ring.vertices().iter().zip(self.ring.parents()) {
             let before_m = self.paths_m.get(parent as usize).copied().unwrap_or(0.0);
             let step_m = (at(other) - at(self.ring.vertices()[parent as usize])).norm();
             self.paths_m.push(before_m + step_m);
         }
         let paths = self.ring.vertices().iter().zip(&self.paths_m).skip(1);
-        mean(paths.filter(|(other, _)| self.view.is_confident(**other)).map(|(_, path_m)| *path_m))
+        mean(paths.filter(|(other, _)| self.situation.is_confident(**other)).map(|(_, path_m)| *path_m))
     }
 }
 

@@ -10,7 +10,8 @@
 //! calibrated anew, the scale was changed inversely, and by an eighth more, so that what was said to
 //! fail did as often on other seeds than those of the results.
 
-use super::{ScoreTerm, View};
+use super::proposal::ScoreTerm;
+use super::situation::Situation;
 use crate::config::Config;
 
 /// The share of candidates whose error follows the law; that of the others is negligible.
@@ -24,9 +25,9 @@ const WEIGHT: f64 = -2.0;
 
 /// The term for a risk that is higher than what exploring always takes; nothing where the method
 /// states no deviation.
-pub(super) fn term(view: &View<'_>, vertex: u32) -> Option<ScoreTerm> {
-    let std_m = view.std_m?[vertex as usize];
-    let value = (of_failure(view.config, std_m) - TAKEN).max(0.0);
+pub(super) fn term(situation: &Situation<'_>, vertex: u32) -> Option<ScoreTerm> {
+    let std_m = situation.deviations?.std_m[vertex as usize];
+    let value = (of_failure(situation.config, std_m) - TAKEN).max(0.0);
     Some(ScoreTerm { term: "risk", weight: WEIGHT, value })
 }
 

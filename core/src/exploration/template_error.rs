@@ -4,7 +4,8 @@
 //! with it; confidence that spreads from the touches at its sides does not know that. The
 //! covariance of the template's parameters does.
 
-use super::{ScoreTerm, View};
+use super::proposal::ScoreTerm;
+use super::situation::Situation;
 
 const WEIGHT: f64 = 2.0;
 /// The deviation that counts as a large one, in metres.
@@ -12,7 +13,7 @@ const LARGE_M: f64 = 0.002;
 
 /// The term of a vertex, from 0 where the template is sure to 1 where it is not; nothing where the
 /// method does not state it.
-pub(super) fn term(view: &View<'_>, vertex: u32) -> Option<ScoreTerm> {
-    let deviation = view.template_std_m?[vertex as usize] / LARGE_M;
+pub(super) fn term(situation: &Situation<'_>, vertex: u32) -> Option<ScoreTerm> {
+    let deviation = situation.deviations?.template_std_m[vertex as usize] / LARGE_M;
     Some(ScoreTerm { term: "template", weight: WEIGHT, value: deviation / deviation.hypot(1.0) })
 }

@@ -1,7 +1,8 @@
 //! The way from the tool to where an approach starts: of two touches that teach as much, the
 //! nearer one is sooner done.
 
-use super::{Request, ScoreTerm, View};
+use super::proposal::{ProposalRequest, ScoreTerm};
+use super::situation::Situation;
 use crate::geometry::Point;
 
 /// The cost of getting to a vertex.
@@ -16,10 +17,10 @@ pub(super) struct Travel {
 
 impl Travel {
     /// Nothing where no tool was given or no weight was configured.
-    pub(super) fn new(view: &View<'_>, request: &Request) -> Option<Self> {
-        let weight = view.config.alpha_travel;
+    pub(super) fn new(situation: &Situation<'_>, request: &ProposalRequest) -> Option<Self> {
+        let weight = situation.config.alpha_travel;
         let tool = request.tool.filter(|_| weight > 0.0)?;
-        let vertices = &view.mesh.vertices;
+        let vertices = &situation.mesh.vertices;
         let (low, high) = vertices
             .iter()
             .fold((vertices[0], vertices[0]), |(low, high), vertex| (low.inf(vertex), high.sup(vertex)));
@@ -27,8 +28,8 @@ impl Travel {
     }
 
     /// The term of a vertex: the way to the start of its approach, counted against it.
-    pub(super) fn term(&self, view: &View<'_>, vertex: u32) -> ScoreTerm {
-        let (start, _) = view.probe_way(vertex as usize);
+    pub(super) fn term(&self, situation: &Situation<'_>, vertex: u32) -> ScoreTerm {
+        let (start, _) = situation.probe_segment(vertex as usize);
         ScoreTerm { term: "travel", weight: self.weight, value: -(start - self.tool).norm() / self.size_m }
     }
 }

@@ -5,13 +5,14 @@
 
 use nalgebra::SMatrix;
 
-use super::fit_data::{Distances, FitData, HUBER};
+use super::distances::{Distances, HUBER};
+use super::fit_data::FitData;
+use super::least_squares::NormalEquations;
 use super::part::{Freedom, Part, Row};
-use crate::least_squares::NormalEquations;
 
 /// Of centre, logarithmic semi-axes, a rotation applied on the right, and the exponents; lengths
 /// in those of the patch.
-pub type Covariance = SMatrix<f64, 11, 11>;
+pub(super) type Covariance = SMatrix<f64, 11, 11>;
 
 /// Deviations of the parameters before any data: centre and logarithmic sizes in lengths of the
 /// patch, rotation in radians, exponents.
@@ -47,7 +48,8 @@ impl Part {
 mod tests {
     use super::*;
     use crate::geometry::{Icosphere, Point, Vector};
-    use crate::template::{PatchFrame, superquadric::Superquadric};
+    use crate::template::patch_frame::PatchFrame;
+    use crate::template::superquadric::Superquadric;
     use nalgebra::Rotation3;
 
     #[test]

@@ -7,10 +7,10 @@
 
 use nalgebra::{Rotation3, SVector};
 
-use super::{LOG_SIZE, PatchFrame, TemplateFit, clamp_log_size, principal_axis, root_mean_square};
-use crate::attractor::{Attractor, Sense};
+use super::least_squares::{NormalEquations, minimise};
+use super::patch_frame::{LOG_SIZE, PatchFrame, clamp_log_size, principal_axis};
+use crate::evidence::attractor::{Attractor, Sense};
 use crate::geometry::{Icosphere, Point, TriangleMesh, Vector};
-use crate::least_squares::{NormalEquations, minimise};
 
 /// Strength of the prior on size; on position it is half of it. 0.3 diverges, 3 under-fits.
 const PRIOR_WEIGHT: f64 = 1.0;
@@ -61,6 +61,17 @@ impl Ellipsoid {
     }
 }
 
+/// A fitted ellipsoid.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EllipsoidFit {
+    /// The ellipsoid.
+    pub shape: Ellipsoid,
+    /// The minimised cost, `0.5 Σ r²` in normalised units.
+    pub cost: f64,
+    /// Whether a semi-axis ran into the bound of its size.
+    pub diverged: bool,
+}
+
 /// The sphere that the first fit starts from, with axes taken from the data so that the fit moves
 /// with it: towards the camera, then along the widest spread across that direction.
 pub fn initial(attractors: &[Attractor], viewpoint: Option<&Point>) -> Ellipsoid {
@@ -88,7 +99,7 @@ pub fn fit(
     viewpoint: Option<&Point>,
     start: &Ellipsoid,
     warm: bool,
-) -> TemplateFit<Ellipsoid> {
+) -> EllipsoidFit {
     let frame = PatchFrame::of(attractors, viewpoint);
     let visual_weight = (VISUAL_WEIGHT / frame.visual_points).sqrt().min(1.0);
     let points: Vec<(Vector, f64)> = attractors
@@ -116,14 +127,7 @@ pub fn fit(
         semi_axes: found.log_axes.map(f64::exp) * frame.length_m,
         base_from_template: found.rotation,
     };
-    TemplateFit {
-        shape,
-        iterations: minimum.iterations,
-        converged: minimum.converged,
-        cost: minimum.cost,
-        rms_m: root_mean_square(attractors.iter().map(|a| shape.distance_m(&a.point))),
-        diverged: found.log_axes.max() >= LOG_SIZE.1,
-    }
+    EllipsoidFit { shape, cost: minimum.cost, diverged: found.log_axes.max() >= LOG_SIZE.1 }
 }
 
 /// Centre and logarithmic semi-axes over the patch's length, and the axes.

@@ -4,17 +4,8 @@
 //! parameters are left to it instead of eleven, so far fewer touches are enough to tell it from the
 //! body, and it cannot stick out on the other side. Most of what people make has such parts.
 
-use super::fit_data::{Distances, FitData};
-use super::part::{Freedom, Part, Row, cycle};
+use super::part::{Along, Freedom, Part, Row, cycle};
 use crate::geometry::Vector;
-use crate::least_squares::{Minimum, minimise};
-
-/// The axis of the host that a limb stays on, and the end (-1 or 1) that it comes out of.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Along {
-    pub(super) axis: usize,
-    pub(super) side: f64,
-}
 
 impl Part {
     /// Moved and turned to where the host holds it; a free part stays where it is.
@@ -53,19 +44,6 @@ impl Part {
     /// How many parameters it has.
     pub(super) fn parameters(&self) -> f64 {
         if self.along.is_some() { 5.0 } else { 11.0 }
-    }
-
-    /// Fits a limb while its host and the others stand still.
-    pub(super) fn fit_limb(
-        self,
-        host: &Self,
-        data: &FitData,
-        others: &Distances,
-        steps: usize,
-    ) -> Minimum<Self> {
-        let linearise = |limb: &Self| limb.linearise(&[], data, others).within(&limb.freedom());
-        let retract = |limb: &Self, step: &Row| limb.retract(&(limb.freedom() * step)).held_by(host);
-        minimise(self, steps, linearise, retract)
     }
 
     /// A row of derivatives by a limb's parameters as one by its host's: it is moved and turned along.

@@ -7,25 +7,23 @@
 
 use super::compound::Compound;
 use super::covariance::Covariance;
+use super::distances::Distances;
 use super::ellipsoid::{self, Ellipsoid};
 use super::field::Field;
-use super::fit_data::{Distances, FitData};
+use super::fit_data::FitData;
 use super::part::Part;
+use super::patch_frame::PatchFrame;
 use super::starts;
 use super::superquadric::Superquadric;
 use super::union::{Effort, Union};
-use super::{PatchFrame, TemplateFit, root_mean_square};
-use crate::attractor::Attractor;
 use crate::config::Stages;
-use crate::free_space::FreeSpace;
+use crate::evidence::FitEvidence;
 use crate::geometry::{Point, Vector};
-use crate::turn::Turn;
+use crate::schedule::Extras;
 
 const MOST_PARTS: usize = 3;
 const FIRST_STEPS: usize = 60;
 const STEPS: usize = 15;
-/// New starts are tried in the first fits, whoever's turn it is.
-const FIRST_FITS: usize = 3;
 /// A fresh start has to lower the cost of the best so far to this share of it.
 const CLEARLY_LOWER: f64 = 0.98;
 /// Another number of parts has to be this much better, in units of the criterion.
@@ -40,10 +38,12 @@ const FINALISTS: usize = 4;
 /// A fit of the compound template, with what the next one goes on from.
 #[derive(Clone, Debug)]
 pub struct SelectedFit {
-    /// The chosen template and how its fit went.
-    pub chosen: TemplateFit<Compound>,
+    /// The chosen template.
+    pub shape: Compound,
+    /// Whether one of its semi-axes ran into the bound of its size.
+    pub diverged: bool,
     /// How sure each of its parts is of its parameters.
-    pub covariances: Vec<Covariance>,
+    covariances: Vec<Covariance>,
     /// The frame that the parts are fitted in.
     frame: PatchFrame,
     /// The parts of the chosen template.
@@ -52,8 +52,6 @@ pub struct SelectedFit {
     single: Part,
     /// The best ellipsoid, from which fresh starts are made.
     ellipsoid: Part,
-    /// How many fits there were, this one included.
-    pub fits: usize,
 }
 
 impl SelectedFit {
@@ -73,18 +71,17 @@ impl SelectedFit {
     }
 }
 
-/// Selects and fits the template. `attractors` may be thinned; each counts.
-pub fn fit(
-    attractors: &[Attractor],
-    free_space: &FreeSpace,
-    viewpoint: Option<&Point>,
+/// Selects and fits the template, going on from the fit before.
+pub(crate) fn select(
+    evidence: &FitEvidence<'_>,
     before: Option<&SelectedFit>,
+    extras: Extras,
     stages: &Stages,
 ) -> SelectedFit {
+    let (attractors, viewpoint) = (&evidence.measured, evidence.viewpoint);
     let frame = PatchFrame::of(attractors, viewpoint);
-    let data = FitData::new(attractors, free_space, frame);
+    let data = FitData::new(attractors, evidence.free_space, frame);
     let alone = Distances::to(std::iter::empty(), &data);
-    let fits = before.map_or(1, |before| before.fits + 1);
 
     let (start, steps) = match before {
         Some(before) => (before.ellipsoid.moved(&before.frame, &frame), STEPS),
@@ -98,7 +95,7 @@ pub fn fit(
             before.map_or_else(|| ellipsoid.clone(), |before| before.single.moved(&before.frame, &frame));
         best = warm.fit(&[], &data, &alone, STEPS);
         let mut starts = vec![ellipsoid.clone()];
-        if fits <= FIRST_FITS || Turn::of(fits) == Turn::Starts {
+        if extras.starts {
             starts.extend(starts::squared(&ellipsoid));
             if stages.slab {
                 starts.push(starts::slab(&ellipsoid, attractors, &frame));
@@ -113,26 +110,17 @@ pub fn fit(
     }
     let mut chosen = Union::new(vec![best.parameters.clone()], &data);
     if stages.superquadrics && stages.parts {
-        chosen = select_parts(&chosen, before, fits, &data, stages.limbs);
+        chosen = select_parts(&chosen, before, extras, &data, stages.limbs);
     }
 
-    let diverged = chosen.parts.iter().any(Part::is_unbounded);
-    let shape = chosen.shape(&frame, stages.fillets);
     SelectedFit {
-        chosen: TemplateFit {
-            iterations: best.iterations,
-            converged: best.converged,
-            cost: chosen.cost,
-            rms_m: root_mean_square(attractors.iter().map(|a| shape.distance_m(&a.point))),
-            diverged,
-            shape,
-        },
+        shape: chosen.shape(&frame, stages.fillets),
+        diverged: chosen.parts.iter().any(Part::is_unbounded),
         covariances: chosen.covariances(&data),
         frame,
         parts: chosen.parts,
         single: best.parameters,
         ellipsoid,
-        fits,
     }
 }
 
@@ -149,7 +137,7 @@ fn sphere(start: &Ellipsoid) -> Superquadric {
 fn select_parts(
     single: &Union,
     before: Option<&SelectedFit>,
-    fits: usize,
+    extras: Extras,
     data: &FitData,
     limbs: bool,
 ) -> Union {
@@ -166,7 +154,7 @@ fn select_parts(
         }
     }
     let mut larger = Vec::new();
-    if Turn::of(fits) == Turn::Splits {
+    if extras.splits {
         larger.extend(single.splits(data, limbs));
         if chosen.parts.len() > 1 {
             larger.extend(chosen.splits(data, limbs));
@@ -194,7 +182,8 @@ fn select_parts(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::attractor::Sense;
+    use crate::evidence::attractor::{Attractor, Sense};
+    use crate::evidence::free_space::FreeSpace;
     use crate::geometry::Icosphere;
 
     #[test]
@@ -210,7 +199,13 @@ mod tests {
             .map(|direction| on_side(direction, if direction.x > 0.8 { Sense::Vision } else { Sense::Touch }))
             .collect();
         let camera = Point::new(0.5, 0.0, 0.0);
-        let fit = fit(&attractors, &FreeSpace::default(), Some(&camera), None, &Stages::default());
+        let evidence = FitEvidence {
+            attractors: attractors.clone(),
+            measured: attractors,
+            free_space: &FreeSpace::default(),
+            viewpoint: Some(&camera),
+        };
+        let fit = select(&evidence, None, Extras::of_fit(1), &Stages::default());
         let places = [Point::new(0.0, 0.03, 0.0), Point::new(0.0, 0.0, 0.06)];
         let [side_m, end_m] = fit.deviations_m(&places)[..] else { panic!("one for each place") };
         assert!(side_m > 0.0 && end_m > 5.0 * side_m, "{side_m} {end_m}");

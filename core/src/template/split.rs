@@ -3,10 +3,9 @@
 //! An end of a part becomes a part of its own, along any of its axes. It is either free, or a limb
 //! that stays on the axis.
 
-use super::clamp_log_size;
 use super::fit_data::FitData;
-use super::limb::Along;
-use super::part::Part;
+use super::part::{Along, Part, cycle};
+use super::patch_frame::clamp_log_size;
 use crate::geometry::Vector;
 
 /// A free end begins beyond this share of the semi-axis.
@@ -57,7 +56,7 @@ fn split_limb(part: &Part, axis: usize, side: f64, from: f64, data: &FitData) ->
     }
     let farthest = beyond.iter().fold(Vector::repeat(LEAST_HALF), |far, y| far.sup(&y.abs()));
     let rest = shortened(part, axis, side, from);
-    let [first, second, _] = super::part::cycle(axis);
+    let [first, second, _] = cycle(axis);
     // Its inner end is in the middle of its host, which has moved away from the tip.
     let tip = part.rotation.matrix().column(axis).dot(&(part.centre - rest.centre)) * side + farthest[axis];
     let half = Vector::new(farthest[first], farthest[second], 0.5 * tip);

@@ -4,8 +4,8 @@
 use nalgebra::Rotation3;
 
 use super::part::Part;
-use super::{PatchFrame, clamp_log_size, principal_axis};
-use crate::attractor::{Attractor, Sense};
+use super::patch_frame::{PatchFrame, clamp_log_size, principal_axis};
+use crate::evidence::attractor::{Attractor, Sense};
 use crate::geometry::Vector;
 
 /// Half the thickness of the slab, in lengths of the patch.

@@ -1,10 +1,11 @@
 //! A union of parts that is fitted part by part, and judged as a whole.
 
-use super::PatchFrame;
 use super::compound::Compound;
 use super::covariance::Covariance;
-use super::fit_data::{Distances, FitData};
+use super::distances::Distances;
+use super::fit_data::FitData;
 use super::part::Part;
+use super::patch_frame::PatchFrame;
 use super::split::splits;
 use super::superquadric::Superquadric;
 use crate::geometry::{Icosphere, Point};

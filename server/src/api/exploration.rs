@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use palpate_core::evidence::Evidence;
-use palpate_core::exploration::Request;
+use palpate_core::exploration::ProposalRequest;
 use palpate_proto::v1;
 use palpate_proto::v1::event::Kind;
 use prost::Message;
@@ -155,7 +155,7 @@ fn absorb_prior(
     before: &Snapshot,
     prior: &v1::VisualPrior,
     path: &str,
-    wanted: &Request,
+    wanted: &ProposalRequest,
     limits: &Limits,
 ) -> Result<Step, Error> {
     let from_proto::Prior { evidence, dropped } = from_proto::visual_prior(path, prior)?;
@@ -183,7 +183,7 @@ fn absorb_prior(
 fn absorb_result(
     before: &Snapshot,
     result: &v1::ContactResult,
-    wanted: &Request,
+    wanted: &ProposalRequest,
     limits: &Limits,
 ) -> Result<Step, Error> {
     if before.stats.attempts >= limits.contacts {
@@ -208,14 +208,14 @@ fn absorb_result(
     Ok(Step { reply: reply.encode_to_vec(), after })
 }
 
-fn next_candidates(after: &Snapshot, wanted: &Request) -> Vec<v1::Candidate> {
+fn next_candidates(after: &Snapshot, wanted: &ProposalRequest) -> Vec<v1::Candidate> {
     if wanted.top_k == 0 {
         return Vec::new();
     }
     to_proto::candidates(after, &after.reconstruction.propose(wanted).candidates)
 }
 
-fn proposal(snapshot: &Snapshot, request: &Request) -> v1::ProposeContactsResponse {
+fn proposal(snapshot: &Snapshot, request: &ProposalRequest) -> v1::ProposeContactsResponse {
     let proposal = snapshot.reconstruction.propose(request);
     let mut should_stop = to_proto::stop_reason(snapshot.should_stop);
     if proposal.candidates.is_empty() && snapshot.should_stop.is_none() {

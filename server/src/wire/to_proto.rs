@@ -1,7 +1,7 @@
 //! From values to messages.
 
 use nalgebra::{Rotation3, Translation3, UnitQuaternion};
-use palpate_core::config::{Config, Method, Settings, StopRule, Strategy, Symmetry};
+use palpate_core::config::{Config, DeclaredSymmetry, Method, Settings, StopRule, Strategy};
 use palpate_core::evidence::Target;
 use palpate_core::exploration;
 use palpate_core::geometry::{Direction, Point, Pose, Vector};
@@ -110,11 +110,11 @@ fn method(method: Method) -> v1::Method {
     }
 }
 
-fn symmetry(symmetry: Option<Symmetry>) -> v1::Symmetry {
+fn symmetry(symmetry: Option<DeclaredSymmetry>) -> v1::Symmetry {
     match symmetry {
         None => v1::Symmetry::Unspecified,
-        Some(Symmetry::Revolution) => v1::Symmetry::Revolution,
-        Some(Symmetry::Mirror) => v1::Symmetry::Mirror,
+        Some(DeclaredSymmetry::Revolution) => v1::Symmetry::Revolution,
+        Some(DeclaredSymmetry::Mirror) => v1::Symmetry::Mirror,
     }
 }
 

@@ -4,7 +4,7 @@ use palpate_core::config::{Config, Settings, Stages, StopRule};
 use palpate_core::evidence::{
     Attempt, Contact, ContactDetail, Evidence, Outcome, Sweep, Target, VisualPrior, Wrench,
 };
-use palpate_core::exploration::{Candidate, Request};
+use palpate_core::exploration::{Candidate, ProposalRequest};
 use palpate_core::reconstruction::Reconstruction;
 use palpate_simulator::camera;
 use palpate_simulator::probe::{self, Approach, PAD_HALF_SIDE_M, Probe, ProbeSettings, Touch};
@@ -48,7 +48,7 @@ impl Plan<'_> {
         let mut probe = Probe::new(settings, self.seed);
         let prior = VisualPrior::new(view.points, None, Some(view.viewpoint))?;
         let (mut state, _) = Reconstruction::new(self.config()?).absorb(&Evidence::VisualPrior(prior))?;
-        let request = Request { top_k: 1, ..Request::default() };
+        let request = ProposalRequest { top_k: 1, ..ProposalRequest::default() };
         let mut failures = 0;
         for _ in 0..self.attempts {
             let proposal = state.propose(&request);

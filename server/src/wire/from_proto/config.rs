@@ -1,6 +1,6 @@
 //! The configuration of a session; what is not set takes the method's default.
 
-use palpate_core::config::{Config, Method, Settings, StopRule, Strategy, Symmetry};
+use palpate_core::config::{Config, DeclaredSymmetry, Method, Settings, StopRule, Strategy};
 use palpate_proto::v1;
 
 use super::geometry::pose;
@@ -82,11 +82,11 @@ fn stop(rule: &v1::StopRule) -> StopRule {
     StopRule { max_attempts, mean_uncertainty_below, max_consecutive_failures }
 }
 
-fn symmetry(value: i32) -> Result<Option<Symmetry>, Error> {
+fn symmetry(value: i32) -> Result<Option<DeclaredSymmetry>, Error> {
     match v1::Symmetry::try_from(value) {
         Ok(v1::Symmetry::Unspecified) => Ok(None),
-        Ok(v1::Symmetry::Revolution) => Ok(Some(Symmetry::Revolution)),
-        Ok(v1::Symmetry::Mirror) => Ok(Some(Symmetry::Mirror)),
+        Ok(v1::Symmetry::Revolution) => Ok(Some(DeclaredSymmetry::Revolution)),
+        Ok(v1::Symmetry::Mirror) => Ok(Some(DeclaredSymmetry::Mirror)),
         Err(_) => Err(Error::field("config.symmetry", format!("{value} is no symmetry"))),
     }
 }

@@ -1,6 +1,6 @@
 //! Who asks for candidates, and what it must keep away from.
 
-use palpate_core::exploration::{KeepOut, Request};
+use palpate_core::exploration::{KeepOut, ProposalRequest};
 use palpate_core::geometry::Direction;
 use palpate_proto::v1;
 
@@ -22,13 +22,13 @@ pub(crate) fn exploration_request(
     robot_field: &str,
     robot: Option<&v1::RobotContext>,
     limits: &Limits,
-) -> Result<Request, Error> {
+) -> Result<ProposalRequest, Error> {
     if top_k > limits.top_k {
         let description = format!("{top_k} candidates are more than the limit of {}", limits.top_k);
         return Err(Error::field(top_k_field, description));
     }
     let Some(v1::RobotContext { robot_id, tool_pose, keep_out: regions }) = robot else {
-        return Ok(Request { top_k: top_k as usize, ..Request::default() });
+        return Ok(ProposalRequest { top_k: top_k as usize, ..ProposalRequest::default() });
     };
     check_text(&format!("{robot_field}.robot_id"), robot_id, limits.name_bytes)?;
     let tool_field = format!("{robot_field}.tool_pose");
@@ -41,7 +41,7 @@ pub(crate) fn exploration_request(
     let keep_out = regions
         .map(|(index, region)| keep_out(&format!("{robot_field}.keep_out[{index}]"), region))
         .collect::<Result<_, _>>()?;
-    Ok(Request {
+    Ok(ProposalRequest {
         top_k: top_k as usize,
         keep_out,
         tool: tool_pose.map(|tool| tool.translation.vector.into()),

@@ -1,7 +1,7 @@
 //! Attractors: the surface points that pull the mesh, and how far each is to be trusted
 //! (Sections III-B and III-C).
 
-use crate::evidence::Contact;
+use super::attempt::Contact;
 use crate::geometry::Point;
 
 /// Which sense measured an attractor.

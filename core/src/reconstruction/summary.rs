@@ -2,13 +2,7 @@
 
 use sha2::{Digest, Sha256};
 
-use crate::config::Method;
-use crate::reconstruction::{Estimate, Reconstruction};
-
-/// METHOD_PALPATE counts as stalled after so many failures in a row where no rule is configured: the
-/// paper explores a whole object with as many attempts, so by then the object was looked for all
-/// over the estimate.
-const STALLED_AFTER: u32 = 50;
+use super::{Estimate, Reconstruction};
 
 /// A session in a few numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -35,7 +29,8 @@ pub struct Stats {
     pub mean_uncertainty: f64,
     /// Maximum over the vertices, in [0, 1]; 1 before the first visual prior.
     pub max_uncertainty: f64,
-    /// Root mean square distance of the attractors to the template, in metres.
+    /// Root mean square distance of the attractors to the estimated surface, along the normals of the
+    /// template, in metres.
     pub fit_rms_m: f64,
     /// The template's family; empty before the first visual prior.
     pub template: &'static str,
@@ -74,8 +69,8 @@ impl Reconstruction {
             consecutive_failures: tallies.consecutive_failures,
             mean_uncertainty: uncertainty.iter().sum::<f64>() / uncertainty.len() as f64,
             max_uncertainty: uncertainty.iter().copied().fold(0.0, f64::max),
-            fit_rms_m: estimate.map_or(0.0, |estimate| estimate.template.rms_m()),
-            template: estimate.map_or("", |estimate| estimate.template.family()),
+            fit_rms_m: estimate.map_or(0.0, Estimate::residual_m),
+            template: estimate.map_or("", |estimate| estimate.template_family()),
         }
     }
 
@@ -83,11 +78,9 @@ impl Reconstruction {
     pub fn stop_reason(&self) -> Option<StopReason> {
         let stats = self.stats();
         let rule = &self.config().stop;
-        // The paper's method may choose the same place for ever, and says nothing of when to give up.
-        let own_limit = (self.config().method == Method::Palpate).then_some(STALLED_AFTER);
-        let most_failures = rule.max_consecutive_failures.or(own_limit);
+        let most_failures = rule.max_consecutive_failures.or(self.config().method.own_stall_limit());
         let estimate = self.last_estimate()?;
-        if estimate.template.diverged() {
+        if estimate.has_diverged() {
             Some(StopReason::Diverged)
         } else if rule.mean_uncertainty_below.is_some_and(|below| stats.mean_uncertainty < below) {
             Some(StopReason::Coverage)

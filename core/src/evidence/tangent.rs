@@ -1,6 +1,6 @@
 //! What a measured normal says: around its touch the surface goes on in the plane across it.
 
-use crate::attractor::{Attractor, Sense};
+use super::attractor::{Attractor, Sense};
 use crate::geometry::{Direction, Point, Vector};
 
 /// How far from the touch the plane is believed, in metres.

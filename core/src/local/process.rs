@@ -1,11 +1,8 @@
-//! Local displacement as a Gaussian process over the template's surface, with its uncertainty.
+//! The displacement of the template as a Gaussian process over its surface, with its uncertainty.
 //!
-//! The kernel sees where on the template two places lie and which way they face, so that the two
+//! The kernel looks at where on the template two points lie and at their normals, so that the two
 //! sides of a thin plate do not pull each other. Far from all evidence the displacement returns to
 //! zero, the template itself: nothing is extrapolated without bound, as a thin plate does.
-
-mod kernel;
-mod vertex_process;
 
 use std::sync::Arc;
 
@@ -13,12 +10,12 @@ use faer::linalg::solvers::Solve;
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Col, Mat, Par, Scale, Side};
 
-use self::kernel::add_covariances;
-pub use self::vertex_process::VertexProcess;
-use crate::symmetry::{Fold, Place, Symmetry};
+use super::kernel::add_covariances;
+use crate::geometry::SurfacePoint;
+use crate::symmetry::{Symmetry, SymmetryFrame};
 
-/// The share of the variance that places have in common which a symmetry makes alike.
-const SHARE: f64 = 0.9;
+/// Share of the prior variance common to symmetric points.
+const SYMMETRIC_SHARE: f64 = 0.9;
 /// This share of the prior's variance is added to that of every measurement: the system stays
 /// regular, whatever its kernels are rounded to.
 const JITTER: f64 = 1e-5;
@@ -27,9 +24,9 @@ const JITTER: f64 = 1e-5;
 #[derive(Clone, Copy, Debug)]
 pub struct Observation {
     /// Where on the template.
-    pub place: Place,
+    pub at: SurfacePoint,
     /// The height of the surface over the template there, in metres.
-    pub displacement_m: f64,
+    pub height_m: f64,
     /// Standard deviation of the measurement, in metres.
     pub noise_m: f64,
 }
@@ -37,18 +34,18 @@ pub struct Observation {
 /// What is expected of a displacement before any measurement.
 #[derive(Clone, Copy, Debug)]
 pub struct Prior {
-    /// Over what length displacements are alike, in metres.
+    /// Correlation length, in metres.
     pub length_m: f64,
-    /// Their standard deviation, in metres.
+    /// Amplitude: the standard deviation of a displacement, in metres.
     pub amplitude_m: f64,
-    /// What else is alike.
-    pub fold: Fold,
+    /// The symmetry, if any.
+    pub frame: SymmetryFrame,
 }
 
 impl Prior {
     /// The shares of the variance that are a place's own and that of all places alike.
     fn shares(&self) -> (f64, f64) {
-        let share = if self.fold.symmetry == Symmetry::None { 0.0 } else { SHARE };
+        let share = if self.frame.symmetry == Symmetry::None { 0.0 } else { SYMMETRIC_SHARE };
         (1.0 - share, share)
     }
 
@@ -60,18 +57,28 @@ impl Prior {
 
     /// Covariances of displacements at some places with what they fold to (rows) and at others
     /// (columns), in square metres.
-    fn covariance(&self, (rows, folded): (&[Place], &[Place]), columns: &[Place]) -> Mat<f32> {
+    fn covariance(
+        &self,
+        (rows, folded): (&[SurfacePoint], &[SurfacePoint]),
+        columns: &[SurfacePoint],
+    ) -> Mat<f32> {
         let (own, shared) = self.variances();
         let mut covariance = Mat::zeros(rows.len(), columns.len());
         add_covariances(&mut covariance, rows, columns, self.length_m, own);
         if shared > 0.0 {
-            add_covariances(&mut covariance, folded, &self.fold.apply_all(columns), self.length_m, shared);
+            add_covariances(
+                &mut covariance,
+                folded,
+                &self.frame.representatives(columns),
+                self.length_m,
+                shared,
+            );
         }
         covariance
     }
 
     /// What is added to the variance of every measurement, in square metres.
-    fn jitter(&self) -> f64 {
+    pub(super) fn jitter(&self) -> f64 {
         JITTER * self.amplitude_m.powi(2)
     }
 }
@@ -80,8 +87,8 @@ impl Prior {
 /// displacements are nor on how noisy the measurements.
 #[derive(Debug)]
 struct Gram {
-    places: Vec<Place>,
-    folded: Vec<Place>,
+    places: Vec<SurfacePoint>,
+    folded: Vec<SurfacePoint>,
     /// Correlations of the places themselves, whatever the symmetry.
     unfolded: Arc<Mat<f32>>,
     /// Correlations with the share of the symmetry.
@@ -90,14 +97,14 @@ struct Gram {
 
 impl Gram {
     fn new(prior: &Prior, observations: &[Observation]) -> Self {
-        let places: Vec<Place> = observations.iter().map(|o| o.place).collect();
+        let places: Vec<SurfacePoint> = observations.iter().map(|o| o.at).collect();
         let mut unfolded = Mat::zeros(places.len(), places.len());
         add_covariances(&mut unfolded, &places, &places, prior.length_m, 1.0);
-        Self::folded(prior, places, Arc::new(unfolded))
+        Self::symmetric(prior, places, Arc::new(unfolded))
     }
 
-    fn folded(prior: &Prior, places: Vec<Place>, unfolded: Arc<Mat<f32>>) -> Self {
-        let folded = prior.fold.apply_all(&places);
+    fn symmetric(prior: &Prior, places: Vec<SurfacePoint>, unfolded: Arc<Mat<f32>>) -> Self {
+        let folded = prior.frame.representatives(&places);
         let (own, shared) = prior.shares();
         let correlation = if shared > 0.0 {
             let mut correlation = unfolded.as_ref() * Scale(own as f32);
@@ -133,9 +140,9 @@ impl Displacement {
     }
 
     /// The same process under another symmetry.
-    pub fn with_fold(&self, fold: Fold, observations: &[Observation]) -> Self {
-        let prior = Prior { fold, ..self.prior };
-        let gram = Gram::folded(&prior, self.gram.places.clone(), Arc::clone(&self.gram.unfolded));
+    pub fn with_symmetry(&self, frame: SymmetryFrame, observations: &[Observation]) -> Self {
+        let prior = Prior { frame, ..self.prior };
+        let gram = Gram::symmetric(&prior, self.gram.places.clone(), Arc::clone(&self.gram.unfolded));
         Self::conditioned(prior, Arc::new(gram), observations)
     }
 
@@ -150,7 +157,7 @@ impl Displacement {
             system[(column, column)] += observations[column].noise_m.powi(2) + prior.jitter();
         }
         let factor = system.llt(Side::Lower).expect("a kernel matrix with noise is positive definite");
-        let measured = Col::from_fn(count, |row| observations[row].displacement_m);
+        let measured = Col::from_fn(count, |row| observations[row].height_m);
         let solution = factor.solve(&measured);
         Self {
             prior,
@@ -198,7 +205,7 @@ impl Displacement {
         let measurements = observations.iter().zip(&self.weights).zip(self.precisions());
         let share = |((o, weight), precision): ((&Observation, &f64), f64)| {
             let variance = self.noise_variance(o);
-            (weight * (o.displacement_m - variance * weight), 1.0 - variance * precision)
+            (weight * (o.height_m - variance * weight), 1.0 - variance * precision)
         };
         measurements.map(share).collect()
     }
@@ -216,21 +223,13 @@ impl Displacement {
         observation.noise_m.powi(2) + self.prior.jitter()
     }
 
-    /// A lower bound of the condition number, from the extreme pivots.
-    pub fn condition(&self) -> f64 {
-        let pivots = self.factor.diagonal().column_vector();
-        let (low, high) =
-            pivots.iter().fold((f64::INFINITY, 0.0_f64), |(low, high), p| (low.min(*p), high.max(*p)));
-        (high / low).powi(2)
-    }
-
     /// The expected displacements at some places, in metres.
-    pub fn means_m(&self, places: &[Place]) -> Vec<f64> {
+    pub fn means_m(&self, places: &[SurfacePoint]) -> Vec<f64> {
         self.weighted(&self.cross(places))
     }
 
     /// Expected displacements and their standard deviations at many places, in metres.
-    pub fn predict(&self, places: &[Place]) -> (Vec<f64>, Vec<f64>) {
+    pub fn predict(&self, places: &[SurfacePoint]) -> (Vec<f64>, Vec<f64>) {
         let (own, shared) = self.prior.variances();
         let cross = self.cross(places);
         let means = self.weighted(&cross);
@@ -242,14 +241,14 @@ impl Displacement {
 
     /// Covariances that are left between the displacements at some places (rows) and at others
     /// (columns), in square metres: what a touch at one place says about another.
-    pub fn covariance(&self, rows: &[Place], columns: &[Place]) -> Mat<f32> {
-        let before = self.prior.covariance((rows, &self.prior.fold.apply_all(rows)), columns);
-        let explained = |places: &[Place]| self.explained(self.cross(places));
+    pub fn covariance(&self, rows: &[SurfacePoint], columns: &[SurfacePoint]) -> Mat<f32> {
+        let before = self.prior.covariance((rows, &self.prior.frame.representatives(rows)), columns);
+        let explained = |places: &[SurfacePoint]| self.explained(self.cross(places));
         before - explained(rows).transpose() * explained(columns)
     }
 
     /// Covariances of the measurements (rows) with the displacements at some places (columns).
-    fn cross(&self, places: &[Place]) -> Mat<f32> {
+    fn cross(&self, places: &[SurfacePoint]) -> Mat<f32> {
         self.prior.covariance((&self.gram.places, &self.gram.folded), places)
     }
 
@@ -275,23 +274,23 @@ mod tests {
     use nalgebra::Rotation3;
 
     fn prior(symmetry: Symmetry) -> Prior {
-        let fold = Fold { centre: Point::origin(), axes: Rotation3::identity(), symmetry };
-        Prior { length_m: 0.03, amplitude_m: 0.005, fold }
+        let frame = SymmetryFrame { centre: Point::origin(), axes: Rotation3::identity(), symmetry };
+        Prior { length_m: 0.03, amplitude_m: 0.005, frame }
     }
 
-    fn observation(direction: &Direction, displacement_m: f64) -> Observation {
-        Observation { place: place(direction), displacement_m, noise_m: 1e-5 }
+    fn observation(direction: &Direction, height_m: f64) -> Observation {
+        Observation { at: place(direction), height_m, noise_m: 1e-5 }
     }
 
-    fn place(direction: &Direction) -> Place {
-        Place { point: direction.into_inner() * 0.05, normal: direction.into_inner() }
+    fn place(direction: &Direction) -> SurfacePoint {
+        SurfacePoint { point: direction.into_inner() * 0.05, normal: direction.into_inner() }
     }
 
     fn directions() -> &'static [Direction] {
         &Icosphere::get(3).directions
     }
 
-    fn places() -> Vec<Place> {
+    fn places() -> Vec<SurfacePoint> {
         directions().iter().map(place).collect()
     }
 
@@ -327,8 +326,8 @@ mod tests {
         let process = Displacement::fit(prior(Symmetry::None), &seen);
         let off_m = process.left_out_m()[3];
         let left_out = seen.remove(3);
-        let foreseen_m = Displacement::fit(prior(Symmetry::None), &seen).means_m(&[left_out.place])[0];
-        assert!((off_m - (left_out.displacement_m - foreseen_m)).abs() < 1e-8);
+        let foreseen_m = Displacement::fit(prior(Symmetry::None), &seen).means_m(&[left_out.at])[0];
+        assert!((off_m - (left_out.height_m - foreseen_m)).abs() < 1e-8);
     }
 
     #[test]
@@ -364,7 +363,7 @@ mod tests {
         let again = Displacement::fit(prior(Symmetry::Revolution(0)), &seen).refit(0.02, &noisier);
         assert_eq!((fresh.evidence(), &fresh.weights), (again.evidence(), &again.weights));
         let folded = Displacement::fit(prior(Symmetry::None), &seen).refit(0.02, &noisier);
-        let folded = folded.with_fold(larger.fold, &noisier);
+        let folded = folded.with_symmetry(larger.frame, &noisier);
         assert_eq!((fresh.evidence(), &fresh.weights), (folded.evidence(), &folded.weights));
     }
 

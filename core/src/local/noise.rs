@@ -4,7 +4,7 @@
 //! one is kept under which the measurements are the most likely: too small a noise makes a rough
 //! patch a surprise, too large a noise makes a smooth one.
 
-use crate::attractor::Sense;
+use crate::evidence::attractor::Sense;
 
 /// Noise of a visual point, an average of its neighbours, and of a touch, in metres.
 const VISION_M: f64 = 0.001;
@@ -22,7 +22,7 @@ const OCTAVE_COST: f64 = 3.0;
 
 /// Noise of the senses, as factors of what is expected of them.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Noise {
+pub(crate) struct Noise {
     vision: f64,
     touch: f64,
 }
@@ -35,7 +35,7 @@ impl Default for Noise {
 
 impl Noise {
     /// Standard deviation of a measured point of the surface along the normal, in metres.
-    pub fn of_m(&self, sense: Sense, uncertainty: f64) -> f64 {
+    pub(crate) fn of_m(&self, sense: Sense, uncertainty: f64) -> f64 {
         match sense {
             Sense::Vision => VISION_M * self.vision,
             Sense::Touch => TOUCH_M * self.touch * (1.0 + BY_UNCERTAINTY * uncertainty),
@@ -45,7 +45,7 @@ impl Noise {
 
     /// The best of this guess and its neighbours, given the logarithm of the likelihood of the
     /// measurements.
-    pub fn improved(self, evidence: impl Fn(&Self) -> f64) -> Self {
+    pub(crate) fn improved(self, evidence: impl Fn(&Self) -> f64) -> Self {
         let judge = |noise: Self| (evidence(&noise) - noise.cost(), noise);
         let better = |best: (f64, Self), guess: (f64, Self)| if guess.0 > best.0 { guess } else { best };
         self.neighbours().map(judge).fold(judge(self), better).1

@@ -8,8 +8,7 @@
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-use crate::geometry::{Icosphere, Point};
-use crate::uncertainty::Ring;
+use super::{Icosphere, Point, Ring};
 
 /// A search for geodesics over one mesh, reusable from many sources.
 #[derive(Debug)]

@@ -1,44 +1,52 @@
-//! What the measurements say about the process that explains them: how large displacements are, how
-//! noisy the senses, and which symmetry the object has.
+//! The hyperparameters of the process: its amplitude, the noise of the sensors and the symmetry of
+//! the object, each chosen by the marginal likelihood of the measurements.
 //!
-//! Each is chosen by the marginal likelihood of the measurements. Noise and symmetry are asked for
-//! in their turns only and kept in between: they do not change with every touch.
+//! Noise and symmetry are chosen anew in some fits only ([`Extras`]) and kept in between.
 
 use nalgebra::Rotation3;
 
-use crate::attractor::{Attractor, Sense};
-use crate::config::{Stages, Symmetry as Declared};
-use crate::displacement::{Displacement, Observation, Prior};
-use crate::noise::Noise;
-use crate::symmetry::{Fold, Symmetry};
+use super::noise::Noise;
+use super::process::{Displacement, Observation, Prior};
+use crate::config::{DeclaredSymmetry, Stages};
+use crate::evidence::attractor::{Attractor, Sense};
+use crate::schedule::Extras;
+use crate::symmetry::{Symmetry, SymmetryFrame};
 use crate::template::Compound;
-use crate::turn::Turn;
 
-/// Displacements are expected to be this large, in metres, as if seen so many times.
+/// Correlation length, as a share of the object's mean radius.
+const CORRELATION: f64 = 0.6;
+/// Prior on the amplitude: 8 mm, with the weight of four touches. That is a scaled inverse
+/// chi-square prior on the variance, with four degrees of freedom.
 const EXPECTED_M: f64 = 0.008;
 const EXPECTED_COUNT: f64 = 4.0;
-/// As if seen so many times where processes are compared: each may have the size that it asks for,
-/// or one that makes displacements smaller would win for that alone.
+/// Weaker prior while symmetries are compared; otherwise a symmetry would win merely by shrinking
+/// the amplitude.
 const COMPARED_COUNT: f64 = 0.5;
-/// However far off a touch may be, displacements are not expected to be larger, in metres: the
-/// system stays regular.
+/// The amplitude is never larger, in metres, however far off a touch may be: the system stays
+/// regular.
 const LARGEST_M: f64 = 0.1;
-/// The evidence for a symmetry has to be this much better, in nats: 20 to 1, where one of ten may
-/// come out best by chance.
-const CLEARLY_BETTER: f64 = 5.3;
-/// So many touches are needed before noise is asked for, and before symmetry is.
+/// Bayes factor in favour of a symmetry that is asked of it, where one of ten hypotheses may come
+/// out best by chance.
+const BAYES_FACTOR: f64 = 20.0;
+const HYPOTHESES: f64 = 10.0;
+/// Fewer touches say nothing about the noise, or about a symmetry.
 const TOUCHES_FOR_NOISE: usize = 5;
 const TOUCHES_FOR_SYMMETRY: usize = 8;
 /// A template has a symmetry if what the symmetry brings together lies this close on average, in
 /// sizes of its body.
 const ASYMMETRY: f64 = 0.03;
-/// A symmetry whose axes have turned by more than this is another one, in radians.
-const TURNED: f64 = 0.2;
+/// A symmetry whose axes were rotated by more than this is another one, in radians.
+const ROTATED: f64 = 0.2;
+
+/// The correlation length on a template of some area, in metres.
+pub(crate) fn correlation_length_m(area_m2: f64) -> f64 {
+    CORRELATION * (area_m2 / (4.0 * std::f64::consts::PI)).sqrt()
+}
 
 /// What was chosen, from which the next choice goes on.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Choice {
-    /// Of the senses.
+pub(crate) struct Hyperparameters {
+    /// Of the sensors.
     pub(crate) noise: Noise,
     /// Of the object.
     pub(crate) symmetry: Symmetry,
@@ -46,43 +54,43 @@ pub(crate) struct Choice {
     axes: Rotation3<f64>,
 }
 
-/// What the choice is made for.
+/// What the hyperparameters are chosen for.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Question<'a> {
+pub(crate) struct Problem<'a> {
     /// The measured attractors.
     pub(crate) attractors: &'a [Attractor],
-    /// Over what length displacements are alike, in metres.
+    /// The correlation length, in metres.
     pub(crate) length_m: f64,
     /// The template.
     pub(crate) shape: &'a Compound,
-    /// How many fits there were, this one included.
-    pub(crate) fits: usize,
+    /// What is chosen anew in this fit.
+    pub(crate) extras: Extras,
     /// What the caller vouches for.
-    pub(crate) declared: Option<Declared>,
-    /// Whether noise and symmetry are asked for at all.
+    pub(crate) declared: Option<DeclaredSymmetry>,
+    /// Whether noise and symmetry are estimated at all.
     pub(crate) stages: &'a Stages,
 }
 
-impl Question<'_> {
-    fn fold(&self, symmetry: Symmetry) -> Fold {
+impl Problem<'_> {
+    fn frame(&self, symmetry: Symmetry) -> SymmetryFrame {
         let body = &self.shape.body;
-        Fold { centre: body.centre, axes: body.base_from_template, symmetry }
+        SymmetryFrame { centre: body.centre, axes: body.base_from_template, symmetry }
     }
 
     /// Conditions the process on the attractors' observations, whose noise is set here.
-    pub(crate) fn answer(
+    pub(crate) fn choose(
         &self,
         observations: &mut [Observation],
-        before: Option<&Choice>,
-    ) -> (Displacement, Choice) {
+        before: Option<&Hyperparameters>,
+    ) -> (Displacement, Hyperparameters) {
         let touches = self.attractors.iter().filter(|a| a.sense == Sense::Touch).count();
         let prior =
-            Prior { length_m: self.length_m, amplitude_m: EXPECTED_M, fold: self.fold(Symmetry::None) };
+            Prior { length_m: self.length_m, amplitude_m: EXPECTED_M, frame: self.frame(Symmetry::None) };
 
         let mut noise = before.map_or_else(Noise::default, |before| before.noise);
         self.set_noise(observations, &noise);
         let first = Displacement::fit(prior, observations);
-        if self.stages.noise && touches >= TOUCHES_FOR_NOISE && Turn::of(self.fits) == Turn::Noise {
+        if self.stages.noise && touches >= TOUCHES_FOR_NOISE && self.extras.noise {
             noise = noise.improved(|guess| {
                 let mut guessed = observations.to_vec();
                 self.set_noise(&mut guessed, guess);
@@ -96,8 +104,8 @@ impl Question<'_> {
         let alone = self.rescaled(&alone, EXPECTED_COUNT, observations);
         let alone = self.rescaled(&alone, EXPECTED_COUNT, observations);
         let process = self.with_symmetry(alone, touches, observations, before);
-        let symmetry = process.prior().fold.symmetry;
-        (process, Choice { noise, symmetry, axes: self.shape.body.base_from_template })
+        let symmetry = process.prior().frame.symmetry;
+        (process, Hyperparameters { noise, symmetry, axes: self.shape.body.base_from_template })
     }
 
     fn set_noise(&self, observations: &mut [Observation], noise: &Noise) {
@@ -136,27 +144,28 @@ impl Question<'_> {
         alone: Displacement,
         touches: usize,
         observations: &[Observation],
-        before: Option<&Choice>,
+        before: Option<&Hyperparameters>,
     ) -> Displacement {
-        let is_asked_for = self.stages.symmetry || self.declared.is_some();
-        if !is_asked_for || touches < TOUCHES_FOR_SYMMETRY {
+        let is_wanted = self.stages.symmetry || self.declared.is_some();
+        if !is_wanted || touches < TOUCHES_FOR_SYMMETRY {
             return alone;
         }
         let same = before
-            .filter(|before| !has_turned(before, &self.shape.body.base_from_template))
+            .filter(|before| !has_rotated(before, &self.shape.body.base_from_template))
             .map(|before| before.symmetry);
         let candidates = match same {
-            Some(symmetry) if Turn::of(self.fits) != Turn::Symmetry => vec![symmetry],
+            Some(symmetry) if !self.extras.symmetry => vec![symmetry],
             _ => Symmetry::candidates(self.declared),
         };
         // What the caller vouches for needs no further evidence.
-        let margin = if self.declared.is_some() { f64::NEG_INFINITY } else { CLEARLY_BETTER };
+        let margin =
+            if self.declared.is_some() { f64::NEG_INFINITY } else { (BAYES_FACTOR * HYPOTHESES).ln() };
         let compared = |process: &Displacement| self.rescaled(process, COMPARED_COUNT, observations);
         let plain = compared(&compared(&alone));
         let processes = candidates
             .into_iter()
             .filter(|symmetry| *symmetry != Symmetry::None && self.is_possible(*symmetry))
-            .map(|symmetry| plain.with_fold(self.fold(symmetry), observations));
+            .map(|symmetry| plain.with_symmetry(self.frame(symmetry), observations));
         match processes.max_by(|a, b| a.evidence().total_cmp(&b.evidence())) {
             Some(best) => {
                 let best = compared(&compared(&best));
@@ -172,10 +181,10 @@ impl Question<'_> {
 }
 
 /// Whether an axis that the symmetry is about has turned: about its own axis a bottle may turn.
-fn has_turned(before: &Choice, axes: &Rotation3<f64>) -> bool {
+fn has_rotated(before: &Hyperparameters, axes: &Rotation3<f64>) -> bool {
     let turn = |axis: usize| {
         let cosine = before.axes.matrix().column(axis).dot(&axes.matrix().column(axis));
         cosine.abs().min(1.0).acos()
     };
-    (0..3).any(|axis| before.symmetry.is_about(axis) && turn(axis) > TURNED)
+    (0..3).any(|axis| before.symmetry.is_about(axis) && turn(axis) > ROTATED)
 }

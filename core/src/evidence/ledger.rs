@@ -1,12 +1,13 @@
 //! The ledger: evidence sorted into what pulls the surface, what failed, and how often.
 
-use crate::attractor::{Attractor, Sense, contact_uncertainty, wrench_warnings};
-use crate::config::{Config, Method};
+use super::attempt::{Attempt, Contact, Outcome};
+use super::attractor::{Attractor, Sense, contact_uncertainty, wrench_warnings};
+use super::free_space::FreeSpace;
+use super::visual_prior::VisualPrior;
+use super::{Evidence, tangent};
+use crate::config::Config;
 use crate::error::Error;
-use crate::evidence::{Attempt, Contact, Evidence, Outcome, VisualPrior};
-use crate::free_space::FreeSpace;
 use crate::geometry::{Direction, Point};
-use crate::tangent;
 
 /// An attempt that did not end in a touch where the estimate expected one.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -108,7 +109,7 @@ impl Ledger {
                 self.tallies.no_contacts += 1;
                 self.free_space.add_miss(sweep);
                 let failure = self.enter_failure(attempt, Some(sweep.middle()));
-                Entry { changes_estimate: learns_from_failures(config), ..failure }
+                Entry { changes_estimate: config.method.learns_from_failures(), ..failure }
             }
             Outcome::Rejected => {
                 self.tallies.rejected += 1;
@@ -132,7 +133,7 @@ impl Ledger {
         let off_m = attempt.target.map_or(0.0, |target| (contact.point() - target.point()).norm());
         self.free_space.add_approach(contact, attempt.target.as_ref(), config.probe_half_travel_m);
         let is_early = off_m > config.failure_distance_m;
-        if !is_early || (learns_from_failures(config) && config.stages.early_contacts) {
+        if !is_early || (config.method.learns_from_failures() && config.stages.early_contacts) {
             self.attractors.push(Attractor { point: contact.point(), uncertainty, sense: Sense::Touch });
             let around = |normal| tangent::around(&contact.point(), normal, uncertainty);
             self.tangents.extend(normal.into_iter().flat_map(around));
@@ -145,7 +146,7 @@ impl Ledger {
             ));
             self.enter_failure(attempt, None);
             return Entry {
-                changes_estimate: learns_from_failures(config),
+                changes_estimate: config.method.learns_from_failures(),
                 contact_uncertainty: Some(uncertainty),
                 warnings,
             };
@@ -164,16 +165,10 @@ impl Ledger {
     }
 }
 
-/// In the paper a failed attempt leaves the estimate as it is (Section IV-B). It is evidence all
-/// the same: the way of a miss is free, and an early contact is the best measurement of all.
-fn learns_from_failures(config: &Config) -> bool {
-    config.method == Method::Palpate
-}
-
 /// The measured normal, if there is one, or why it is ignored, in words for the caller.
 fn usable_normal<'a>(contact: &'a Contact, config: &Config) -> Result<Option<&'a Direction>, &'static str> {
     let Some(normal) = contact.normal() else { return Ok(None) };
-    if config.method == Method::Paper {
+    if !config.method.uses_normals() {
         return Err("normal: recorded, but METHOD_PAPER has no use for it");
     }
     if normal.dot(&contact.approach()) > 0.0 {
@@ -186,7 +181,7 @@ fn usable_normal<'a>(contact: &'a Contact, config: &Config) -> Result<Option<&'a
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::Settings;
+    use crate::config::{Method, Settings};
     use crate::evidence::{ContactDetail, Sweep, Target, Wrench};
     use crate::geometry::{Pose, Vector};
 

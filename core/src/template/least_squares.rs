@@ -60,10 +60,6 @@ pub(crate) struct Minimum<T> {
     pub parameters: T,
     /// `0.5 * |r|²` there.
     pub cost: f64,
-    /// Steps tried.
-    pub iterations: usize,
-    /// Whether the cost stopped falling before the iterations ran out.
-    pub converged: bool,
 }
 
 const RELATIVE_DECREASE: f64 = 1e-9;
@@ -81,8 +77,7 @@ pub(crate) fn minimise<T: Clone, const N: usize>(
     let mut parameters = start;
     let mut here = linearise(&parameters);
     let mut damping = DAMPING;
-    for iteration in 1..=max_iterations {
-        let ended = |parameters, cost| Minimum { parameters, cost, iterations: iteration, converged: true };
+    for _ in 0..max_iterations {
         let damped = here.hessian + SMatrix::identity() * damping;
         let Some(step) = damped.cholesky().map(|factor| -factor.solve(&here.gradient)) else {
             damping *= 4.0;
@@ -96,17 +91,17 @@ pub(crate) fn minimise<T: Clone, const N: usize>(
             here = there;
             damping = (damping * 0.3).max(1e-12);
             if decrease < RELATIVE_DECREASE {
-                return ended(parameters, here.cost);
+                break;
             }
         } else {
             // Not lower, or not a number: a shorter step, unless there was nothing to gain.
             if -here.gradient.dot(&step) <= RELATIVE_DECREASE * here.cost {
-                return ended(parameters, here.cost);
+                break;
             }
             damping *= 4.0;
         }
     }
-    Minimum { parameters, cost: here.cost, iterations: max_iterations, converged: false }
+    Minimum { parameters, cost: here.cost }
 }
 
 #[cfg(test)]
@@ -126,7 +121,6 @@ mod tests {
             },
             |p, step| p + step,
         );
-        assert!(minimum.converged);
         assert!((minimum.parameters - SVector::<f64, 2>::new(1.0, 1.0)).norm() < 1e-6);
     }
 }

@@ -1,6 +1,6 @@
 //! Where the object is not: the ways that the probe has swept without touching anything.
 
-use crate::evidence::{Contact, Sweep, Target};
+use super::attempt::{Contact, Sweep, Target};
 use crate::geometry::Point;
 
 /// Distance between samples of a way, in metres.
@@ -18,6 +18,12 @@ pub struct FreeSpace {
 }
 
 impl FreeSpace {
+    /// Nothing is known.
+    pub(crate) fn unknown() -> &'static Self {
+        static UNKNOWN: FreeSpace = FreeSpace { outside: Vec::new(), inside: Vec::new() };
+        &UNKNOWN
+    }
+
     /// Points outside, in metres.
     pub fn outside(&self) -> &[Point] {
         &self.outside

@@ -1,11 +1,11 @@
-//! Thinning: of many points those that lie farthest from each other.
+//! Thinning of visual points: farthest-point sampling, then the mean of each cell.
 
-use crate::attractor::{Attractor, Sense};
-use crate::geometry::{Point, Vector};
+use super::attractor::{Attractor, Sense};
+use crate::geometry::{Point, Vector, farthest_point_sampling};
 
-/// Keeps all touches and at most `most` visual points, each the mean of those that are nearest to
-/// one that is the farthest from those before it: the mean is less noisy, and the farthest points
-/// are the noisiest. Without `means` the farthest themselves are kept.
+/// Keeps all touches and at most `most` visual points: farthest-point sampling, then the mean of
+/// the points nearest to each sample, since a mean is less noisy, and the farthest points are the
+/// noisiest. Without `means` the samples themselves are kept.
 pub(crate) fn thin_visual(attractors: &[Attractor], most: usize, means: bool) -> Vec<Attractor> {
     let (seen, touched): (Vec<Attractor>, Vec<Attractor>) =
         attractors.iter().partition(|a| a.sense == Sense::Vision);
@@ -13,7 +13,7 @@ pub(crate) fn thin_visual(attractors: &[Attractor], most: usize, means: bool) ->
         return seen.into_iter().chain(touched).collect();
     }
     let points: Vec<Point> = seen.iter().map(|a| a.point).collect();
-    let kept = farthest_first(&points, most);
+    let kept = farthest_point_sampling(&points, most);
     if !means {
         return kept.iter().map(|&index| seen[index]).chain(touched).collect();
     }
@@ -29,22 +29,6 @@ pub(crate) fn thin_visual(attractors: &[Attractor], most: usize, means: bool) ->
         ..seen[index]
     };
     kept.iter().zip(&sums).map(mean).chain(touched).collect()
-}
-
-/// The indices of at most `most` points, each the farthest from those before it; the first first.
-pub(crate) fn farthest_first(points: &[Point], most: usize) -> Vec<usize> {
-    let mut kept = Vec::with_capacity(most);
-    let mut distance = vec![f64::INFINITY; points.len()];
-    let mut next = 0;
-    while kept.len() < most.min(points.len()) {
-        kept.push(next);
-        for (distance, other) in distance.iter_mut().zip(points) {
-            *distance = distance.min((other - points[next]).norm_squared());
-        }
-        // Of equals the last, as good as any and always the same.
-        next = (0..points.len()).max_by(|&a, &b| distance[a].total_cmp(&distance[b])).unwrap_or(0);
-    }
-    kept
 }
 
 #[cfg(test)]

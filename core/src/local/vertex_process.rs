@@ -2,27 +2,33 @@
 
 use faer::Mat;
 
-use super::Displacement;
-use crate::symmetry::Place;
+use super::process::Displacement;
+use crate::geometry::SurfacePoint;
+use crate::symmetry::SymmetryFrame;
 
 /// The process at the vertices of an estimate.
 #[derive(Clone, Debug)]
 pub struct VertexProcess {
     process: Displacement,
-    places: Vec<Place>,
+    places: Vec<SurfacePoint>,
     deviations_m: Vec<f64>,
 }
 
 impl VertexProcess {
     /// The process with, for each vertex, the place on the template that it was displaced from and
     /// the process's deviation there, in metres.
-    pub fn new(process: Displacement, places: Vec<Place>, deviations_m: Vec<f64>) -> Self {
+    pub fn new(process: Displacement, places: Vec<SurfacePoint>, deviations_m: Vec<f64>) -> Self {
         Self { process, places, deviations_m }
+    }
+
+    /// The symmetry that the process assumes.
+    pub fn symmetry(&self) -> &SymmetryFrame {
+        &self.process.prior().frame
     }
 
     /// Correlations that are left between some vertices (rows) and others (columns), in [-1, 1].
     pub fn correlation(&self, rows: &[u32], columns: &[u32]) -> Mat<f32> {
-        let places = |vertices: &[u32]| -> Vec<Place> {
+        let places = |vertices: &[u32]| -> Vec<SurfacePoint> {
             vertices.iter().map(|&vertex| self.places[vertex as usize]).collect()
         };
         let mut correlation = self.process.covariance(&places(rows), &places(columns));
@@ -30,7 +36,7 @@ impl VertexProcess {
         for (row, &from) in rows.iter().enumerate() {
             for (column, &to) in columns.iter().enumerate() {
                 // Where nothing is left to learn nothing is said about others.
-                let scale = (deviation_m(from) * deviation_m(to)).max(self.process.prior.jitter()) as f32;
+                let scale = (deviation_m(from) * deviation_m(to)).max(self.process.prior().jitter()) as f32;
                 correlation[(row, column)] = (correlation[(row, column)] / scale).clamp(-1.0, 1.0);
             }
         }

@@ -1,0 +1,20 @@
+//! Farthest-point sampling: few points that cover many.
+
+use super::Point;
+
+/// Farthest-point sampling: the indices of at most `most` points, each the farthest from all before
+/// it, in the order of selection, which begins with the first point.
+pub(crate) fn farthest_point_sampling(points: &[Point], most: usize) -> Vec<usize> {
+    let mut kept = Vec::with_capacity(most);
+    let mut distance = vec![f64::INFINITY; points.len()];
+    let mut next = 0;
+    while kept.len() < most.min(points.len()) {
+        kept.push(next);
+        for (distance, other) in distance.iter_mut().zip(points) {
+            *distance = distance.min((other - points[next]).norm_squared());
+        }
+        // Of equals the last, as good as any and always the same.
+        next = (0..points.len()).max_by(|&a, &b| distance[a].total_cmp(&distance[b])).unwrap_or(0);
+    }
+    kept
+}

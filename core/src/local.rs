@@ -1,0 +1,134 @@
+//! The local stage: how far the surface lies from the template, between and at the attractors
+//! (Section III-E).
+//!
+//! Takes the template's surface and the evidence; gives a height along the normal for each vertex.
+//! METHOD_PAPER bends a [`thin_plate`]. METHOD_PALPATE conditions a Gaussian [`process`], chooses
+//! its [`hyperparameters`], holds it back from what the probe has swept, and gives a calibrated
+//! standard deviation beside each height: one [`Raised`] for all of it.
+
+pub(crate) mod hyperparameters;
+mod kernel;
+mod noise;
+pub mod process;
+pub mod thin_plate;
+mod vertex_process;
+
+pub use vertex_process::VertexProcess;
+
+use self::hyperparameters::Hyperparameters;
+use self::process::{Displacement, Observation};
+use crate::config::Config;
+use crate::evidence::FitEvidence;
+use crate::geometry::SurfacePoint;
+use crate::schedule::Extras;
+use crate::template::{Compound, TemplateSurface};
+
+/// Noise of a point that is merely known to be free, in metres.
+const FREE_NOISE_M: f64 = 0.003;
+/// The surface may cover a free point by this much before it is held back, in metres.
+const COVERED_M: f64 = 0.0005;
+/// How often the surface is held back: what is held back here bulges a little there.
+const HOLD_BACKS: usize = 2;
+/// Calibration: the error of the surface, template included, against the process's deviation.
+const DEVIATION_SCALE: f64 = 1.5;
+/// No stated deviation is less, in metres.
+const LEAST_DEVIATION_M: f64 = 0.0003;
+
+/// What the local stage of METHOD_PALPATE found.
+#[derive(Clone, Debug)]
+pub struct Raised {
+    /// Height of the surface over the template at each vertex, in metres.
+    pub heights_m: Vec<f64>,
+    /// Calibrated standard deviation of the surface at each vertex, in metres.
+    pub std_m: Vec<f64>,
+    /// Root mean square of what the surface leaves of the attractors' heights, in metres.
+    pub residual_m: f64,
+    /// How far each measurement is from what all others predict, in metres.
+    pub left_out_m: Vec<f64>,
+    /// The process at the vertices.
+    pub process: VertexProcess,
+    /// What the next fit goes on from.
+    pub(crate) hyperparameters: Hyperparameters,
+}
+
+/// Raises the template's surface to what was measured, and holds it back from what was swept.
+pub(crate) fn raise(
+    surface: &TemplateSurface,
+    shape: &Compound,
+    evidence: &FitEvidence<'_>,
+    before: Option<&Hyperparameters>,
+    extras: Extras,
+    config: &Config,
+) -> Raised {
+    let observe = |point, noise_m| {
+        let projection = surface.project(point);
+        Observation { at: projection.foot, height_m: projection.height_m, noise_m }
+    };
+    // The noise is among what is chosen.
+    let mut observations: Vec<Observation> =
+        evidence.measured.iter().map(|attractor| observe(&attractor.point, 0.0)).collect();
+    let problem = hyperparameters::Problem {
+        attractors: &evidence.measured,
+        length_m: hyperparameters::correlation_length_m(surface.mesh().area()),
+        shape,
+        extras,
+        declared: config.symmetry,
+        stages: &config.stages,
+    };
+    let (process, hyperparameters) = problem.choose(&mut observations, before);
+
+    let free: Vec<Observation> =
+        evidence.free_space.outside().iter().map(|point| observe(point, FREE_NOISE_M)).collect();
+    let process = held_back(process, &mut observations, &free);
+
+    let vertices = surface.vertices();
+    let (heights_m, deviations_m) = process.predict(&vertices);
+    let calibrated = |deviation_m: &f64| (DEVIATION_SCALE * deviation_m).hypot(LEAST_DEVIATION_M);
+    Raised {
+        heights_m,
+        std_m: deviations_m.iter().map(calibrated).collect(),
+        residual_m: process.residual_m(&observations[..evidence.measured.len()]),
+        left_out_m: process.left_out_m(),
+        process: VertexProcess::new(process, vertices, deviations_m),
+        hyperparameters,
+    }
+}
+
+/// The process with the surface pulled back to the free points that it would cover.
+fn held_back(
+    process: Displacement,
+    observations: &mut Vec<Observation>,
+    free: &[Observation],
+) -> Displacement {
+    let places: Vec<SurfacePoint> = free.iter().map(|o| o.at).collect();
+    (0..HOLD_BACKS).fold(process, |process, _| {
+        let covers = |(o, height_m): &(&Observation, f64)| *height_m > o.height_m + COVERED_M;
+        let heights_m = process.means_m(&places);
+        let covered: Vec<Observation> = free.iter().zip(heights_m).filter(covers).map(|(o, _)| *o).collect();
+        if covered.is_empty() {
+            return process;
+        }
+        observations.extend(covered);
+        Displacement::fit(*process.prior(), observations)
+    })
+}
+
+/// A touch that its neighbours predict worse than this spreads its confidence less far, in metres.
+const SURPRISE_M: f64 = 0.003;
+/// The least share of the length over which it does.
+const LEAST_SHARE: f64 = 0.5;
+
+/// The share of the length over which an attractor spreads its confidence.
+pub(crate) fn surprise_share(
+    evidence: &FitEvidence<'_>,
+    raised: &Raised,
+    stages: &crate::config::Stages,
+    index: usize,
+) -> f64 {
+    match evidence.attractors[index].sense {
+        crate::evidence::attractor::Sense::Touch if stages.surprise => {
+            (raised.left_out_m[index] / SURPRISE_M).hypot(1.0).recip().max(LEAST_SHARE)
+        }
+        _ => 1.0,
+    }
+}

@@ -1,0 +1,110 @@
+//! The methods, and every difference between them beside their own pages in `reconstruction/`.
+//!
+//! Each difference is an exhaustive match, so a third method cannot fall through: the compiler asks
+//! for its answer to every question here.
+
+use crate::uncertainty::Reach;
+
+/// Which reading of the paper reconstructs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Method {
+    /// The paper's stages, faithful and comparable.
+    Paper,
+    /// Ahead of the paper: templates of several families and parts, space that was found free, and a
+    /// Gaussian process with symmetry where there is any.
+    #[default]
+    Palpate,
+}
+
+/// Candidates this close to a failed one are left alone for a while, in metres.
+const TABOO_RADIUS_M: f64 = 0.010;
+/// On a small object METHOD_PALPATE takes this share of the length over which confidence halves.
+const TABOO_SHARE: f64 = 0.5;
+/// METHOD_PALPATE counts as stalled after this many failures in a row where no rule is configured:
+/// the paper explores a whole object with as many attempts.
+const STALLED_AFTER: u32 = 50;
+
+impl Method {
+    /// Its name in the contract.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Paper => "METHOD_PAPER",
+            Self::Palpate => "METHOD_PALPATE",
+        }
+    }
+
+    /// Whether a failed attempt changes the estimate. In the paper it does not (Section IV-B); it is
+    /// evidence all the same: the path of a miss is free, and an early contact is the best
+    /// measurement of all.
+    pub(crate) fn learns_from_failures(self) -> bool {
+        match self {
+            Self::Paper => false,
+            Self::Palpate => true,
+        }
+    }
+
+    /// Whether a measured normal enters the fit.
+    pub(crate) fn uses_normals(self) -> bool {
+        match self {
+            Self::Paper => false,
+            Self::Palpate => true,
+        }
+    }
+
+    /// Whether it states standard deviations, and with them a risk and an expected gain.
+    pub(crate) fn states_deviations(self) -> bool {
+        match self {
+            Self::Paper => false,
+            Self::Palpate => true,
+        }
+    }
+
+    /// Whether it can use a symmetry that the caller vouches for.
+    pub(crate) fn uses_symmetry(self) -> bool {
+        match self {
+            Self::Paper => false,
+            Self::Palpate => true,
+        }
+    }
+
+    /// Whether it is made of the ideas that [`Stages`](crate::config::Stages) switches.
+    pub(crate) fn has_stages(self) -> bool {
+        match self {
+            Self::Paper => false,
+            Self::Palpate => true,
+        }
+    }
+
+    /// Whether Eq. (3) gets the terms `template`, `risk` and `failures`.
+    pub(crate) fn has_extra_terms(self) -> bool {
+        match self {
+            Self::Paper => false,
+            Self::Palpate => true,
+        }
+    }
+
+    /// Weight of the vertex uncertainty in Eq. (3) where none is configured.
+    pub(crate) fn own_alpha_uncertainty(self) -> f64 {
+        match self {
+            Self::Paper => 1.0,
+            Self::Palpate => 2.0,
+        }
+    }
+
+    /// Failures in a row after which the exploration counts as stalled where none is configured. The
+    /// paper's method may choose the same place for ever, and says nothing of when to give up.
+    pub(crate) fn own_stall_limit(self) -> Option<u32> {
+        match self {
+            Self::Paper => None,
+            Self::Palpate => Some(STALLED_AFTER),
+        }
+    }
+
+    /// Radius around a failed candidate that is left alone for a while, in metres.
+    pub(crate) fn taboo_radius_m(self, reach: Reach) -> f64 {
+        match self {
+            Self::Paper => TABOO_RADIUS_M,
+            Self::Palpate => TABOO_RADIUS_M.min(TABOO_SHARE * reach.length_m),
+        }
+    }
+}
