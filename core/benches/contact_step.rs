@@ -114,7 +114,7 @@ fn bench_step(group: &mut Group<'_>, id: BenchmarkId, (state, evidence): (Recons
     group.bench_function(id, |bencher| {
         bencher.iter(|| {
             let (next, _) = state.absorb(black_box(&evidence)).expect("absorbed");
-            next.propose(&ProposalRequest { top_k: 1, ..ProposalRequest::default() })
+            next.propose(&ProposalRequest::best(1))
         });
     });
 }
@@ -165,9 +165,7 @@ fn proposals(criterion: &mut Criterion) {
             let (state, _) = state.absorb(&evidence).expect("absorbed");
             let vertices = Icosphere::get(subdivisions as usize).directions.len();
             group.bench_function(BenchmarkId::new(name, format!("{count}x{vertices}")), |bencher| {
-                bencher.iter(|| {
-                    black_box(state.propose(&ProposalRequest { top_k: 1, ..ProposalRequest::default() }))
-                });
+                bencher.iter(|| black_box(state.propose(&ProposalRequest::best(1))));
             });
         }
     }
@@ -215,11 +213,10 @@ fn stages(criterion: &mut Criterion) {
                 &mesh.vertices,
                 &attractors,
                 Reach { hops: 5, length_m: 0.02 },
-                |_| 1.0,
             ));
         });
         bench("propose", &mut || {
-            black_box(state.propose(&ProposalRequest { top_k: 1, ..ProposalRequest::default() }));
+            black_box(state.propose(&ProposalRequest::best(1)));
         });
     }
 }

@@ -68,13 +68,6 @@ pub struct Stages {
     /// Places that a symmetry of revolution makes like known ones are less uncertain, so that
     /// others are touched first.
     pub symmetry_first: bool,
-    /// A touch that its neighbours did not foresee spreads its confidence less far.
-    pub surprise: bool,
-    /// The length over which confidence halves follows from the object's size and the budget of
-    /// touches; otherwise it is that of the paper's method.
-    pub step_length: bool,
-    /// Parts run into each other in a fillet; otherwise in an edge.
-    pub fillets: bool,
     /// Places around a failure are less attractive, after their taboo too.
     pub failure_penalty: bool,
     /// Places where the template is unsure of itself are more attractive.
@@ -96,9 +89,6 @@ impl Default for Stages {
             noise: true,
             symmetry: true,
             symmetry_first: true,
-            surprise: true,
-            step_length: true,
-            fillets: true,
             failure_penalty: true,
             template_error: true,
             risk: true,
@@ -130,7 +120,7 @@ pub struct Settings {
     /// Weight of the vertex uncertainty, `a_U` of Eq. (3); `None` for the method's own: 1 in the paper,
     /// 2 otherwise.
     pub alpha_uncertainty: Option<f64>,
-    /// Weight of the way from the tool to where an approach starts, as a share of the object's size.
+    /// Weight of the path from the tool to where an approach starts, as a share of the object's size.
     pub alpha_travel: f64,
     /// A vertex at or below this uncertainty is confident, `u'_max` of Eq. (3).
     pub confident_max: f64,
@@ -142,9 +132,8 @@ pub struct Settings {
     pub tactile_u_max: f64,
     /// How far an attractor's uncertainty spreads, in edges of the mesh with 2562 vertices.
     pub propagation_hops: u32,
-    /// Length over which confidence halves, in metres; `None` for the method's own: 0.020 for
-    /// the paper's, otherwise from the size of the object and the budget of touches.
-    pub propagation_length_m: Option<f64>,
+    /// Length over which confidence halves, in metres; the paper does not give it.
+    pub propagation_length_m: f64,
     /// The probe travels from this far outside the estimate to this far inside, in metres: `d`.
     pub probe_half_travel_m: f64,
     /// A touch further than this from its candidate counts as a failure, in metres (Section IV-B).
@@ -174,7 +163,7 @@ impl Default for Settings {
             visual_uncertainty: 0.4,
             tactile_u_max: 0.2,
             propagation_hops: 5,
-            propagation_length_m: None,
+            propagation_length_m: 0.020,
             probe_half_travel_m: 0.015,
             failure_distance_m: 0.015,
             icosphere_subdivisions: 4,
@@ -188,7 +177,10 @@ impl Default for Settings {
 
 /// Parameters that have been checked.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Config(Settings);
+pub struct Config {
+    settings: Settings,
+    alpha_uncertainty: f64,
+}
 
 impl Config {
     /// Checks every parameter against its range.
@@ -207,7 +199,7 @@ impl Config {
             ("candidate_min", settings.candidate_min, &unit),
             ("visual_uncertainty", settings.visual_uncertainty, &unit),
             ("tactile_u_max", settings.tactile_u_max, &unit),
-            ("propagation_length_m", settings.propagation_length_m.unwrap_or(0.02), &length),
+            ("propagation_length_m", settings.propagation_length_m, &length),
             ("probe_half_travel_m", settings.probe_half_travel_m, &length),
             ("failure_distance_m", settings.failure_distance_m, &length),
             ("stop.mean_uncertainty_below", settings.stop.mean_uncertainty_below.unwrap_or(0.0), &unit),
@@ -244,7 +236,7 @@ impl Config {
             return Err(FieldError::invalid("strategy", reason));
         }
         if settings.alpha_travel > 0.0 && !settings.strategy.weighs_terms() {
-            let reason = "a baseline does not look at the way: set it to 0, \
+            let reason = "a baseline does not look at the path: set it to 0, \
                           or take STRATEGY_PROACTIVE or STRATEGY_EXPECTED_GAIN";
             return Err(FieldError::invalid("alpha_travel", reason));
         }
@@ -253,13 +245,14 @@ impl Config {
 
     /// Settings within their ranges, with the weight that is the method's own where none is set.
     fn of(mut settings: Settings) -> Self {
-        settings.alpha_uncertainty.get_or_insert(settings.method.own_alpha_uncertainty());
-        Self(settings)
+        let own = settings.method.own_alpha_uncertainty();
+        let alpha_uncertainty = *settings.alpha_uncertainty.get_or_insert(own);
+        Self { settings, alpha_uncertainty }
     }
 
     /// Weight of the vertex uncertainty, `a_U` of Eq. (3).
     pub fn alpha_uncertainty(&self) -> f64 {
-        self.0.alpha_uncertainty.expect("every configuration is made by `of`")
+        self.alpha_uncertainty
     }
 }
 
@@ -273,7 +266,7 @@ impl Deref for Config {
     type Target = Settings;
 
     fn deref(&self) -> &Settings {
-        &self.0
+        &self.settings
     }
 }
 
@@ -324,7 +317,7 @@ mod tests {
 
     #[test]
     fn nan_is_refused() {
-        let settings = Settings { propagation_length_m: Some(f64::NAN), ..Settings::default() };
+        let settings = Settings { propagation_length_m: f64::NAN, ..Settings::default() };
         let error = Config::new(settings).unwrap_err();
         assert_eq!((error.field, error.non_finite), ("propagation_length_m", true));
     }

@@ -13,11 +13,14 @@ pub mod ledger;
 mod tangent;
 mod thinning;
 mod visual_prior;
+mod work_frame;
 
 pub use attempt::{Attempt, Contact, ContactDetail, Outcome, Sweep, Target, Wrench};
 pub use check::MAX_COORDINATE_M;
+pub(crate) use check::{check_direction, check_point};
 pub(crate) use fit_evidence::FitEvidence;
 pub use visual_prior::VisualPrior;
+pub(crate) use work_frame::WorkFrame;
 
 /// One piece of evidence; a session is a sequence of them.
 #[derive(Clone, Debug, PartialEq)]

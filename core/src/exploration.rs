@@ -35,7 +35,7 @@ pub fn propose(situation: &Situation<'_>, request: &ProposalRequest) -> Proposal
     let reachable: Vec<u32> = (0..situation.mesh.vertices.len() as u32)
         .filter(|&vertex| {
             let (start, end) = situation.probe_segment(vertex as usize);
-            let blocked = request.keep_out.iter().any(|region| region.blocks(&start, &end));
+            let blocked = request.keep_out().iter().any(|region| region.blocks(&start, &end));
             excluded.keep_out += u32::from(blocked);
             !blocked
         })
@@ -49,7 +49,7 @@ pub fn propose(situation: &Situation<'_>, request: &ProposalRequest) -> Proposal
         Strategy::Random => baselines::random(situation, &reachable),
     };
     let mut candidates: Vec<Candidate> = Vec::new();
-    while candidates.len() < request.top_k {
+    while candidates.len() < request.top_k() {
         let Some(ranked) = ranking.ranked.next() else { break };
         let point = situation.mesh.vertices[ranked.vertex as usize];
         if candidates.iter().all(|other| (other.point - point).norm() >= SEPARATION_M) {

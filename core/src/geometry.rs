@@ -14,7 +14,7 @@ pub use geodesic::Geodesics;
 pub use icosphere::{Icosphere, MAX_SUBDIVISIONS};
 pub use mesh::TriangleMesh;
 pub use ring::Ring;
-pub(crate) use sampling::farthest_point_sampling;
+pub(crate) use sampling::{around, farthest_point_sampling};
 pub use surface_index::{ClosestPoint, RayHit, SurfaceIndex};
 pub use surface_point::SurfacePoint;
 

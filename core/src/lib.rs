@@ -14,6 +14,7 @@ pub mod config;
 pub mod error;
 pub mod evidence;
 pub mod exploration;
+mod fingerprint;
 pub mod geometry;
 pub mod local;
 pub mod method;

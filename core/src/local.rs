@@ -43,8 +43,6 @@ pub struct Raised {
     pub std_m: Vec<f64>,
     /// Root mean square of what the surface leaves of the attractors' heights, in metres.
     pub residual_m: f64,
-    /// How far each measurement is from what all others predict, in metres.
-    pub left_out_m: Vec<f64>,
     /// The process at the vertices.
     pub process: VertexProcess,
     /// What the next fit goes on from.
@@ -88,7 +86,6 @@ pub(crate) fn raise(
         heights_m,
         std_m: deviations_m.iter().map(calibrated).collect(),
         residual_m: process.residual_m(&observations[..evidence.measured.len()]),
-        left_out_m: process.left_out_m(),
         process: VertexProcess::new(process, vertices, deviations_m),
         hyperparameters,
     }
@@ -111,24 +108,4 @@ fn held_back(
         observations.extend(covered);
         Displacement::fit(*process.prior(), observations)
     })
-}
-
-/// A touch that its neighbours predict worse than this spreads its confidence less far, in metres.
-const SURPRISE_M: f64 = 0.003;
-/// The least share of the length over which it does.
-const LEAST_SHARE: f64 = 0.5;
-
-/// The share of the length over which an attractor spreads its confidence.
-pub(crate) fn surprise_share(
-    evidence: &FitEvidence<'_>,
-    raised: &Raised,
-    stages: &crate::config::Stages,
-    index: usize,
-) -> f64 {
-    match evidence.attractors[index].sense {
-        crate::evidence::attractor::Sense::Touch if stages.surprise => {
-            (raised.left_out_m[index] / SURPRISE_M).hypot(1.0).recip().max(LEAST_SHARE)
-        }
-        _ => 1.0,
-    }
 }

@@ -3,7 +3,7 @@
 //! Each difference is an exhaustive match, so a third method cannot fall through: the compiler asks
 //! for its answer to every question here.
 
-use crate::uncertainty::Reach;
+use crate::evidence::{VisualPrior, WorkFrame};
 
 /// Which reading of the paper reconstructs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -16,10 +16,6 @@ pub enum Method {
     Palpate,
 }
 
-/// Candidates this close to a failed one are left alone for a while, in metres.
-const TABOO_RADIUS_M: f64 = 0.010;
-/// On a small object METHOD_PALPATE takes this share of the length over which confidence halves.
-const TABOO_SHARE: f64 = 0.5;
 /// METHOD_PALPATE counts as stalled after this many failures in a row where no rule is configured:
 /// the paper explores a whole object with as many attempts.
 const STALLED_AFTER: u32 = 50;
@@ -100,11 +96,12 @@ impl Method {
         }
     }
 
-    /// Radius around a failed candidate that is left alone for a while, in metres.
-    pub(crate) fn taboo_radius_m(self, reach: Reach) -> f64 {
+    /// The frame that it works in, once something was seen. The paper's template has the axes of the
+    /// session's frame or of the data, as its own formula says.
+    pub(crate) fn work_frame(self, prior: &VisualPrior) -> WorkFrame {
         match self {
-            Self::Paper => TABOO_RADIUS_M,
-            Self::Palpate => TABOO_RADIUS_M.min(TABOO_SHARE * reach.length_m),
+            Self::Paper => WorkFrame::Session,
+            Self::Palpate => WorkFrame::of_view(prior),
         }
     }
 }

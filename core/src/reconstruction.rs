@@ -12,8 +12,8 @@ pub use summary::{Stats, StopReason};
 
 use crate::config::{Config, Method};
 use crate::error::Error;
-use crate::evidence::Evidence;
 use crate::evidence::ledger::Ledger;
+use crate::evidence::{Evidence, WorkFrame};
 use crate::exploration::{self, Deviations, Proposal, ProposalRequest, Situation};
 use crate::geometry::{Direction, Icosphere, Point, TriangleMesh};
 use crate::local::Raised;
@@ -21,12 +21,14 @@ use crate::template::{EllipsoidFit, SelectedFit};
 use crate::uncertainty::Reach;
 
 /// Changes with every change of a result: a stored state hash holds for one version only.
-pub const ALGORITHM_VERSION: &str = "4";
+pub const ALGORITHM_VERSION: &str = "5";
 
 /// A session's state: its evidence, and the estimate that follows from it.
 #[derive(Clone, Debug)]
 pub struct Reconstruction {
     config: Config,
+    /// The frame that ledger and estimate are in.
+    frame: WorkFrame,
     ledger: Ledger,
     estimate: Option<Estimate>,
 }
@@ -77,6 +79,15 @@ pub struct Surface {
     pub std_m: Option<Vec<f64>>,
 }
 
+impl Surface {
+    /// The same surface in the session's frame.
+    fn in_base(&self, frame: &WorkFrame) -> Self {
+        let vertices = self.mesh.vertices.iter().map(|vertex| frame.point_in_base(vertex)).collect();
+        let mesh = TriangleMesh { vertices, faces: self.mesh.faces.clone() };
+        Self { mesh, uncertainty: self.uncertainty.clone(), std_m: self.std_m.clone() }
+    }
+}
+
 /// What one piece of evidence changed.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Update {
@@ -91,7 +102,7 @@ pub struct Update {
 impl Reconstruction {
     /// A session without evidence.
     pub fn new(config: Config) -> Self {
-        Self { config, ledger: Ledger::default(), estimate: None }
+        Self { config, frame: WorkFrame::Session, ledger: Ledger::default(), estimate: None }
     }
 
     /// The state after one more piece of evidence.
@@ -100,7 +111,10 @@ impl Reconstruction {
     /// [`Error::NoVisualPrior`] for an attempt before anything was seen.
     pub fn absorb(&self, evidence: &Evidence) -> Result<(Self, Update), Error> {
         let mut next = self.clone();
-        let entry = next.ledger.enter(evidence, &next.config)?;
+        if let (Evidence::VisualPrior(prior), None) = (evidence, &self.estimate) {
+            next.frame = self.config.method.work_frame(prior);
+        }
+        let entry = next.ledger.enter(&next.frame.enter(evidence), &next.config)?;
         let mut max_vertex_move_m = 0.0;
         if entry.changes_estimate {
             let estimate = next.estimate();
@@ -128,7 +142,9 @@ impl Reconstruction {
 
     /// Where to touch next (Section III-G); nothing before the first visual prior.
     pub fn propose(&self, request: &ProposalRequest) -> Proposal {
-        self.situation().map_or_else(Proposal::default, |situation| exploration::propose(&situation, request))
+        let request = request.entered(&self.frame);
+        let proposal = self.situation().map(|situation| exploration::propose(&situation, &request));
+        proposal.unwrap_or_default().in_base(&self.frame)
     }
 
     /// Whether nothing is left that may be touched.
@@ -155,7 +171,7 @@ impl Reconstruction {
         &self.config
     }
 
-    /// The evidence, sorted.
+    /// The evidence, sorted, in the frame that the method works in.
     pub fn ledger(&self) -> &Ledger {
         &self.ledger
     }
@@ -165,9 +181,22 @@ impl Reconstruction {
         self.estimate.as_ref()
     }
 
-    /// The surface; nothing before the first visual prior.
-    pub fn surface(&self) -> Option<&Surface> {
-        self.estimate.as_ref().map(|estimate| &estimate.surface)
+    /// The surface in the session's frame; nothing before the first visual prior.
+    pub fn surface(&self) -> Option<Surface> {
+        self.estimate.as_ref().map(|estimate| estimate.surface.in_base(&self.frame))
+    }
+
+    /// Whether another state has the same surface.
+    pub fn has_surface_of(&self, other: &Self) -> bool {
+        fn surface(state: &Reconstruction) -> Option<&Surface> {
+            state.estimate.as_ref().map(|estimate| &estimate.surface)
+        }
+        self.frame == other.frame && surface(self) == surface(other)
+    }
+
+    /// The centre of the template's body, in metres; nothing before the first visual prior.
+    pub fn template_centre(&self) -> Option<Point> {
+        self.estimate.as_ref().map(|estimate| self.frame.point_in_base(&estimate.template_centre()))
     }
 
     fn sphere(&self) -> &'static Icosphere {
@@ -196,13 +225,8 @@ impl Estimate {
         Self { normals: surface.mesh.vertex_normals(), surface, reach, detail }
     }
 
-    /// The surface.
-    pub fn surface(&self) -> &Surface {
-        &self.surface
-    }
-
     /// The centre of the template's body, in metres.
-    pub fn template_centre(&self) -> Point {
+    fn template_centre(&self) -> Point {
         match &self.detail {
             Detail::Paper(detail) => detail.template.shape.centre,
             Detail::Palpate(detail) => detail.template.shape.body.centre,

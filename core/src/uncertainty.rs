@@ -9,28 +9,19 @@
 mod reach;
 mod symmetric;
 
-pub(crate) use reach::step_length_m;
-pub use reach::{PAPER_LENGTH_M, Reach, scaled_hops};
+pub use reach::{Reach, scaled_hops};
 pub(crate) use symmetric::lowered_by_symmetry;
 
 use crate::evidence::attractor::Attractor;
 use crate::geometry::{Icosphere, Point, Ring};
 
 /// The uncertainty of every vertex, in [0, 1]; always computed afresh from all attractors.
-/// `share` is the share of the length over which an attractor, by its index, spreads.
-pub fn propagate(
-    sphere: &Icosphere,
-    vertices: &[Point],
-    attractors: &[Attractor],
-    reach: Reach,
-    share: impl Fn(usize) -> f64,
-) -> Vec<f64> {
+pub fn propagate(sphere: &Icosphere, vertices: &[Point], attractors: &[Attractor], reach: Reach) -> Vec<f64> {
     let hops = scaled_hops(reach.hops, vertices.len());
     let mut uncertainty = vec![1.0_f64; vertices.len()];
     let mut ring = Ring::new(vertices.len());
-    for (index, attractor) in attractors.iter().enumerate() {
+    for attractor in attractors {
         let Some(nearest) = nearest_vertex(vertices, &attractor.point) else { continue };
-        let reach = reach.shortened(share(index));
         for &vertex in ring.around(sphere, nearest, hops) {
             let distance_m = (vertices[vertex as usize] - attractor.point).norm();
             let u = reach.spread(attractor.uncertainty, distance_m);
@@ -73,7 +64,7 @@ mod tests {
     fn confidence_halves_at_one_length_and_ends_at_the_ring() {
         let vertices = sphere_vertices(0.05);
         let at = attractor(vertices[0], 0.0);
-        let u = propagate(Icosphere::get(4), &vertices, &[at], REACH, |_| 1.0);
+        let u = propagate(Icosphere::get(4), &vertices, &[at], REACH);
         assert_eq!(u[0], 0.0);
         for (vertex, u) in vertices.iter().zip(&u).filter(|(_, u)| **u < 1.0) {
             let t = (vertex - vertices[0]).norm() / 0.02;
@@ -111,7 +102,7 @@ mod tests {
             let sphere = Icosphere::get(4);
             let mut before = vec![1.0; vertices.len()];
             for count in 1..=attractors.len() {
-                let after = propagate(sphere, &vertices, &attractors[..count], REACH, |_| 1.0);
+                let after = propagate(sphere, &vertices, &attractors[..count], REACH);
                 for (before, after) in before.iter().zip(&after) {
                     prop_assert!((0.0..=1.0).contains(after) && after <= before);
                 }

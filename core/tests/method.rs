@@ -25,7 +25,9 @@ fn of(method: Method) -> Settings {
     Settings { method, ..Settings::default() }
 }
 
-const BEST: ProposalRequest = ProposalRequest { top_k: 1, keep_out: Vec::new(), tool: None };
+fn best() -> ProposalRequest {
+    ProposalRequest::best(1)
+}
 
 impl Object {
     fn sphere() -> Self {
@@ -103,7 +105,7 @@ fn explore(object: &Object, settings: Settings, attempts: usize) -> (Vec<Evidenc
     for attempt in 0..=attempts {
         (state, _) = state.absorb(&log[attempt]).unwrap();
         if attempt < attempts {
-            log.push(object.touch(&state.propose(&BEST).candidates[0]));
+            log.push(object.touch(&state.propose(&best()).candidates[0]));
         }
     }
     (log, state)
@@ -115,7 +117,7 @@ fn a_sphere_is_recovered_from_a_cap_and_thirty_touches() {
         let (_, state) = explore(&Object::sphere(), of(method), 30);
         let error_m = Object::sphere().mean_error_m(&state);
         assert!(error_m < 2e-4, "{method:?}: {error_m}");
-        let centre = state.last_estimate().unwrap().template_centre();
+        let centre = state.template_centre().unwrap();
         assert!((centre - Point::new(0.5, -0.1, 0.2)).norm() < 5e-4, "{method:?}: {centre}");
     }
 }
@@ -156,7 +158,7 @@ fn a_rigid_motion_of_the_input_moves_mesh_and_candidate_by_the_same_motion() {
             let off_m = index.closest(&(motion * vertex)).distance_m;
             assert!(off_m < tolerance_m, "{method:?}: {off_m} after {attempts} touches");
         }
-        let (a, b) = (&here.propose(&BEST).candidates[0], &there.propose(&BEST).candidates[0]);
+        let (a, b) = (&here.propose(&best()).candidates[0], &there.propose(&best()).candidates[0]);
         assert!((motion * a.point - b.point).norm() < 5e-4);
         assert!((motion * a.normal.into_inner() - b.normal.into_inner()).norm() < 1e-2);
     }
@@ -174,7 +176,7 @@ fn the_fold_of_the_log_is_the_live_state_bit_for_bit() {
         });
         assert_eq!(replayed.digest(), live.digest());
         assert_eq!(replayed.surface(), live.surface());
-        assert_eq!(replayed.propose(&BEST), live.propose(&BEST));
+        assert_eq!(replayed.propose(&best()), live.propose(&best()));
     }
 }
 
@@ -182,7 +184,7 @@ fn the_fold_of_the_log_is_the_live_state_bit_for_bit() {
 fn the_seed_alone_decides_what_is_random() {
     let candidates = |strategy, seed| {
         let settings = Settings { strategy, seed, ..Settings::default() };
-        explore(&Object::sphere(), settings, 3).1.propose(&BEST).candidates[0].vertex
+        explore(&Object::sphere(), settings, 3).1.propose(&best()).candidates[0].vertex
     };
     for strategy in [Strategy::MinUncertainty, Strategy::Uniform, Strategy::Random] {
         assert_eq!(candidates(strategy, 1), candidates(strategy, 1));
@@ -194,13 +196,12 @@ fn the_seed_alone_decides_what_is_random() {
 
 #[test]
 fn the_terms_of_a_score_add_up_to_it_and_candidates_lie_apart() {
-    let tool = Some(Point::new(0.9, 0.3, 0.4));
+    let request = ProposalRequest::best(6).with_tool_at(Point::new(0.9, 0.3, 0.4)).unwrap();
     let settings = METHODS.map(|method| Settings { alpha_travel: 0.5, ..of(method) });
     let gain = Settings { strategy: Strategy::ExpectedGain, ..settings[1].clone() };
     for settings in settings.into_iter().chain([gain]) {
         let state = explore(&Object::sphere(), settings, 4).1;
-        let candidates =
-            state.propose(&ProposalRequest { top_k: 6, tool, ..ProposalRequest::default() }).candidates;
+        let candidates = state.propose(&request).candidates;
         assert_eq!(candidates.len(), 6);
         assert!(candidates.iter().all(|candidate| candidate.terms.iter().any(|term| term.term == "travel")));
         assert_sound_candidates(&candidates);
@@ -211,17 +212,18 @@ fn the_terms_of_a_score_add_up_to_it_and_candidates_lie_apart() {
 fn the_heavier_the_way_weighs_the_nearer_to_the_tool_is_the_next_candidate() {
     let behind = Point::new(0.3, -0.1, 0.2);
     for strategy in [Strategy::Proactive, Strategy::ExpectedGain] {
-        let way_m = |alpha_travel, tool| {
+        let path_m = |alpha_travel, tool: Option<Point>| {
             let settings = Settings { strategy, alpha_travel, ..of(Method::Palpate) };
             // The touches before are the same: they were asked for without a tool.
             let (_, state) = explore(&Object::sphere(), settings, 6);
-            let proposal = state.propose(&ProposalRequest { tool, ..BEST });
+            let request = tool.map_or_else(best, |tool| best().with_tool_at(tool).unwrap());
+            let proposal = state.propose(&request);
             (proposal.candidates[0].probe_start - behind).norm()
         };
-        let ways = [0.0, 0.3, 3.0, 300.0].map(|weight| way_m(weight, Some(behind)));
-        assert!(ways.is_sorted_by(|a, b| a >= b), "{strategy:?} {ways:?}");
-        assert!(ways[3] < ways[0] - 0.01, "{strategy:?} {ways:?}");
-        assert_eq!(way_m(300.0, None), ways[0], "without a tool there is no way to weigh");
+        let paths = [0.0, 0.3, 3.0, 300.0].map(|weight| path_m(weight, Some(behind)));
+        assert!(paths.is_sorted_by(|a, b| a >= b), "{strategy:?} {paths:?}");
+        assert!(paths[3] < paths[0] - 0.01, "{strategy:?} {paths:?}");
+        assert_eq!(path_m(300.0, None), paths[0], "without a tool there is no path to weigh");
     }
 }
 
@@ -248,16 +250,12 @@ fn assert_sound_candidates(candidates: &[Candidate]) {
 #[test]
 fn no_candidate_enters_what_is_kept_out() {
     let (_, state) = explore(&Object::sphere(), Settings::default(), 0);
-    let above = KeepOut::HalfSpace { normal: Vector::z_axis(), offset_m: 0.2 };
-    let ball = KeepOut::Ball { center: Point::new(0.5, -0.1, 0.245), radius_m: 0.02 };
-    let proposal = state.propose(&ProposalRequest {
-        top_k: 20,
-        keep_out: vec![above, ball],
-        ..ProposalRequest::default()
-    });
+    let above = KeepOut::half_space(Vector::z(), 0.2).unwrap();
+    let ball = KeepOut::ball(Point::new(0.5, -0.1, 0.245), 0.02).unwrap();
+    let proposal = state.propose(&ProposalRequest::best(20).keeping_out_of(vec![above, ball]));
     assert!(proposal.excluded.keep_out > 0 && !proposal.candidates.is_empty());
     for candidate in proposal.candidates {
-        assert!(candidate.probe_start.z.min(candidate.probe_end.z) >= 0.2);
+        assert!(candidate.probe_start.z.min(candidate.probe_end.z) >= 0.2 - 1e-12);
         assert!((candidate.probe_start - Point::new(0.5, -0.1, 0.245)).norm() >= 0.02);
     }
 }
@@ -273,7 +271,7 @@ fn assert_sound(state: &Reconstruction) {
     let surface = state.surface().unwrap();
     assert!(surface.mesh.vertices.iter().all(|v| v.coords.iter().all(|x| x.is_finite())));
     assert!(surface.uncertainty.iter().all(|u| (0.0..=1.0).contains(u)));
-    for candidate in state.propose(&ProposalRequest { top_k: 3, ..ProposalRequest::default() }).candidates {
+    for candidate in state.propose(&ProposalRequest::best(3)).candidates {
         assert!(candidate.score.is_finite() && candidate.normal.iter().all(|x| x.is_finite()));
     }
 }
@@ -305,7 +303,7 @@ fn degenerate_touches_give_a_sound_surface() {
 }
 
 fn assert_sound_after_odd_touches(mut state: Reconstruction) {
-    let centre = state.last_estimate().unwrap().template_centre();
+    let centre = state.template_centre().unwrap();
     let push = Wrench { force: Vector::new(0.0, 0.0, -5.0), torque: Vector::zeros() };
     for (point, wrench) in [
         (centre, push),
@@ -324,7 +322,7 @@ fn a_touch_before_anything_was_seen_is_refused() {
     let state = Reconstruction::new(Config::default());
     let result = state.absorb(&touch_at(Point::origin(), Wrench::default()));
     assert_eq!(result.unwrap_err(), Error::NoVisualPrior);
-    assert!(state.surface().is_none() && state.propose(&BEST).candidates.is_empty());
+    assert!(state.surface().is_none() && state.propose(&best()).candidates.is_empty());
 }
 
 #[test]
@@ -335,17 +333,17 @@ fn a_place_that_failed_is_left_alone_until_three_contacts_succeeded() {
         let target = Target::new(candidate.point, candidate.normal.into_inner()).unwrap();
         Evidence::Attempt(Attempt { target: Some(target), outcome: Outcome::NoContact(sweep) })
     };
-    let failed = state.propose(&BEST).candidates[0].clone();
+    let failed = state.propose(&best()).candidates[0].clone();
     (state, _) = state.absorb(&miss(&failed)).unwrap();
-    let next = state.propose(&BEST);
+    let next = state.propose(&best());
     assert!(next.excluded.recently_failed > 0);
     assert!((next.candidates[0].point - failed.point).norm() >= 0.010);
     for _ in 0..3 {
-        assert!(state.propose(&BEST).excluded.recently_failed > 0);
-        let touch = Object::sphere().touch(&state.propose(&BEST).candidates[0]);
+        assert!(state.propose(&best()).excluded.recently_failed > 0);
+        let touch = Object::sphere().touch(&state.propose(&best()).candidates[0]);
         (state, _) = state.absorb(&touch).unwrap();
     }
-    assert_eq!(state.propose(&BEST).excluded.recently_failed, 0);
+    assert_eq!(state.propose(&best()).excluded.recently_failed, 0);
 }
 
 #[test]
@@ -370,7 +368,7 @@ fn stop_rules_are_told_apart() {
     );
     for _ in 0..3 {
         assert_eq!(state.stop_reason(), None);
-        (state, _) = state.absorb(&blind.touch(&state.propose(&BEST).candidates[0])).unwrap();
+        (state, _) = state.absorb(&blind.touch(&state.propose(&best()).candidates[0])).unwrap();
     }
     assert_eq!(state.stop_reason(), Some(StopReason::Stalled));
 }
@@ -383,7 +381,7 @@ fn a_finer_mesh_gives_the_same_template() {
         let fine = Config::new(Settings { icosphere_subdivisions: 5, ..of(method) }).unwrap();
         let fold = |state: Reconstruction, evidence: &Evidence| state.absorb(evidence).unwrap().0;
         let fine = log.iter().fold(Reconstruction::new(fine), fold);
-        let centre = |state: &Reconstruction| state.last_estimate().unwrap().template_centre();
+        let centre = |state: &Reconstruction| state.template_centre().unwrap();
         assert_eq!(centre(&coarse), centre(&fine));
         let (coarse_u, fine_u) = (coarse.stats().mean_uncertainty, fine.stats().mean_uncertainty);
         assert!((coarse_u - fine_u).abs() < 0.03, "{coarse_u} {fine_u}");
@@ -401,7 +399,7 @@ fn an_object_that_moved_away_is_looked_for_in_a_new_place_every_time() {
         let first = state.surface().unwrap().mesh.clone();
         for _ in 0..50 {
             assert_eq!(state.stop_reason(), None, "{strategy:?} after {}", tried.len());
-            let candidate = state.propose(&BEST).candidates[0].clone();
+            let candidate = state.propose(&best()).candidates[0].clone();
             assert!(tried.iter().all(|before| (before - candidate.point).norm() > 1e-3));
             tried.push(candidate.point);
             (state, _) = state.absorb(&gone.touch(&candidate)).unwrap();
@@ -418,7 +416,7 @@ fn a_miss_changes_the_estimate_and_the_paper_s_does_not() {
         let (_, state) = explore(&Object::sphere(), of(method), 0);
         let aside =
             Object { semi_axes: Vector::repeat(1e-3), base_from_object: Pose::translation(9.0, 9.0, 9.0) };
-        let (next, _) = state.absorb(&aside.touch(&state.propose(&BEST).candidates[0])).unwrap();
+        let (next, _) = state.absorb(&aside.touch(&state.propose(&best()).candidates[0])).unwrap();
         let changed = next.surface() != state.surface();
         assert_eq!(changed, method == Method::Palpate);
     }
@@ -434,7 +432,7 @@ fn deviations_cover_the_error_of_a_known_shape() {
     let covered =
         surface.mesh.vertices.iter().zip(std_m).filter(|(v, s)| object.error_m(v) <= 2.0 * **s).count();
     assert!(covered as f64 > 0.9 * std_m.len() as f64, "{covered} of {}", std_m.len());
-    let candidate = &state.propose(&BEST).candidates[0];
+    let candidate = &state.propose(&best()).candidates[0];
     assert!(candidate.failure_risk.is_some_and(|risk| (0.0..=1.0).contains(&risk)));
 }
 

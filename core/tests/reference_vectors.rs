@@ -78,7 +78,7 @@ impl Reference {
     }
 
     fn uncertainty(&self, mesh: &TriangleMesh) -> Vec<f64> {
-        uncertainty::propagate(Icosphere::get(4), &mesh.vertices, &self.attractors, REACH, |_| 1.0)
+        uncertainty::propagate(Icosphere::get(4), &mesh.vertices, &self.attractors, REACH)
     }
 
     /// Our vertices at the directions of the reference's.
@@ -195,8 +195,7 @@ fn the_next_contact_is_chosen_like_in_the_reference() {
             reach: REACH,
             deviations: None,
         };
-        let proposal =
-            exploration::propose(&situation, &ProposalRequest { top_k: 8, ..ProposalRequest::default() });
+        let proposal = exploration::propose(&situation, &ProposalRequest::best(8));
         let expected = Point::from_slice(&numbers(&reference.file["chosen_xyz"]));
         let nearest = proposal
             .candidates

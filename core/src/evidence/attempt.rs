@@ -1,6 +1,6 @@
 //! One approach of the probe and what became of it.
 
-use super::check::{check_point, check_unit, check_vector, unit};
+use super::check::{check_direction, check_point, check_unit, check_vector};
 use crate::error::FieldError;
 use crate::geometry::{Direction, Point, Pose, Vector};
 
@@ -18,8 +18,17 @@ impl Target {
     /// A number that is not finite, or a normal without length.
     pub fn new(point: Point, normal: Vector) -> Result<Self, FieldError> {
         check_point("candidate.point", &point)?;
-        let normal = unit("candidate.normal", normal)?;
+        let normal = check_direction("candidate.normal", normal)?;
         Ok(Self { point, normal })
+    }
+
+    /// The same candidate with its point and normal mapped.
+    pub(super) fn mapped(
+        &self,
+        point: impl Fn(&Point) -> Point,
+        direction: impl Fn(&Direction) -> Direction,
+    ) -> Self {
+        Self { point: point(&self.point), normal: direction(&self.normal) }
     }
 
     /// The point of the estimated surface, in metres.
@@ -47,7 +56,7 @@ pub struct Attempt {
 pub enum Outcome {
     /// The pad touched the object.
     Contact(Contact),
-    /// The whole way was free.
+    /// The whole path was free.
     NoContact(Sweep),
     /// Never tried: out of reach, in collision, stopped.
     Rejected,
@@ -80,7 +89,7 @@ pub struct Contact {
 pub struct ContactDetail {
     /// The caller's own uncertainty in [0, 1], instead of Eq. (1).
     pub uncertainty: Option<f64>,
-    /// Where the approach began, in metres: the way from there to the contact was free.
+    /// Where the approach began, in metres: the path from there to the contact was free.
     pub swept_from: Option<Point>,
     /// The measured outward normal of the surface.
     pub normal: Option<Vector>,
@@ -110,7 +119,7 @@ impl Contact {
         if let Some(from) = &detail.swept_from {
             check_point("swept_from", from)?;
         }
-        let normal = detail.normal.map(|normal| unit("normal", normal)).transpose()?;
+        let normal = detail.normal.map(|normal| check_direction("normal", normal)).transpose()?;
         Ok(Self {
             base_from_sensor,
             wrench,
@@ -119,6 +128,23 @@ impl Contact {
             swept_from: detail.swept_from,
             normal,
         })
+    }
+
+    /// The same touch with its pose, point and direction mapped.
+    pub(super) fn mapped(
+        &self,
+        pose: impl Fn(&Pose) -> Pose,
+        point: impl Fn(&Point) -> Point,
+        direction: impl Fn(&Direction) -> Direction,
+    ) -> Self {
+        Self {
+            base_from_sensor: pose(&self.base_from_sensor),
+            wrench: self.wrench,
+            pad_half_side_m: self.pad_half_side_m,
+            uncertainty: self.uncertainty,
+            swept_from: self.swept_from.as_ref().map(point),
+            normal: self.normal.as_ref().map(direction),
+        }
     }
 
     /// The touched point: the centre of the pad's face, in metres.
@@ -157,7 +183,7 @@ impl Contact {
     }
 }
 
-/// A straight way of the probe on which nothing was touched.
+/// A straight path of the probe on which nothing was touched.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sweep {
     from: Point,
@@ -166,7 +192,7 @@ pub struct Sweep {
 }
 
 impl Sweep {
-    /// A free way from `from` to `to` by a probe of `radius_m` (zero for a thin one).
+    /// A free path from `from` to `to` of a probe of `radius_m` (zero for a thin one).
     ///
     /// # Errors
     /// A number that is not finite, or a radius outside 0..1 m.
@@ -178,6 +204,11 @@ impl Sweep {
             return Err(FieldError::invalid("sweep_radius_m", reason));
         }
         Ok(Self { from, to, radius_m })
+    }
+
+    /// The same path with its ends mapped.
+    pub(super) fn mapped(&self, map: impl Fn(&Point) -> Point) -> Self {
+        Self { from: map(&self.from), to: map(&self.to), radius_m: self.radius_m }
     }
 
     /// Where it began, in metres.
@@ -195,7 +226,7 @@ impl Sweep {
         self.radius_m
     }
 
-    /// The middle of the way: the candidate, for a probe that travelled evenly about it.
+    /// The middle of the path: the candidate, for a probe that travelled evenly about it.
     pub fn middle(&self) -> Point {
         nalgebra::center(&self.from, &self.to)
     }

@@ -2,6 +2,7 @@
 //! (Sections III-B and III-C).
 
 use super::attempt::Contact;
+use crate::fingerprint::Fingerprint;
 use crate::geometry::Point;
 
 /// Which sense measured an attractor.
@@ -24,6 +25,16 @@ pub struct Attractor {
     pub uncertainty: f64,
     /// Which sense measured it.
     pub sense: Sense,
+}
+
+impl Attractor {
+    /// Adds itself to a fingerprint.
+    pub(crate) fn fingerprint(&self, fingerprint: &mut Fingerprint) {
+        let Self { point, uncertainty, sense } = self;
+        fingerprint.vector(&point.coords);
+        fingerprint.number(*uncertainty);
+        fingerprint.count(*sense as usize);
+    }
 }
 
 /// The uncertainty of a touch from its wrench, in [0, `u_max`]; Eq. (1).

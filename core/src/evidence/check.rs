@@ -30,7 +30,7 @@ pub(crate) fn check_unit(field: &'static str, value: f64) -> Result<(), FieldErr
     Err(FieldError { field, reason, non_finite: !value.is_finite() })
 }
 
-pub(crate) fn unit(field: &'static str, vector: Vector) -> Result<Direction, FieldError> {
+pub(crate) fn check_direction(field: &'static str, vector: Vector) -> Result<Direction, FieldError> {
     check_vector(field, &vector)?;
     Direction::try_new(vector, 1e-9)
         .ok_or_else(|| FieldError::invalid(field, "has no direction: its length is zero"))

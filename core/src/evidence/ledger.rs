@@ -7,6 +7,7 @@ use super::visual_prior::VisualPrior;
 use super::{Evidence, tangent};
 use crate::config::Config;
 use crate::error::Error;
+use crate::fingerprint::Fingerprint;
 use crate::geometry::{Direction, Point};
 
 /// An attempt that did not end in a touch where the estimate expected one.
@@ -44,9 +45,26 @@ impl Tallies {
     pub fn failures(&self) -> u32 {
         self.no_contacts + self.early_contacts + self.rejected + self.invalid_contacts
     }
+
+    fn fingerprint(&self, fingerprint: &mut Fingerprint) {
+        let Self {
+            visual_points,
+            attempts,
+            contacts,
+            no_contacts,
+            early_contacts,
+            rejected,
+            invalid_contacts,
+            consecutive_failures,
+        } = *self;
+        let outcomes = [contacts, no_contacts, early_contacts, rejected, invalid_contacts];
+        for count in [visual_points, attempts, consecutive_failures].into_iter().chain(outcomes) {
+            fingerprint.count(count as usize);
+        }
+    }
 }
 
-/// All evidence of a session, sorted.
+/// All evidence of a session, sorted. Points are in the frame that the method works in.
 #[derive(Clone, Debug, Default)]
 pub struct Ledger {
     /// What pulls the surface, in the order of its arrival.
@@ -57,7 +75,7 @@ pub struct Ledger {
     pub viewpoint: Option<Point>,
     /// Failed attempts, in the order of their arrival.
     pub failures: Vec<Failure>,
-    /// What the ways of the probe say about where the object is not.
+    /// What the paths of the probe say about where the object is not.
     pub free_space: FreeSpace,
     /// How often what happened.
     pub tallies: Tallies,
@@ -85,6 +103,20 @@ impl Ledger {
             Evidence::Attempt(_) if self.tallies.visual_points == 0 => Err(Error::NoVisualPrior),
             Evidence::Attempt(attempt) => Ok(self.enter_attempt(attempt, config)),
         }
+    }
+
+    /// Adds itself to a fingerprint.
+    pub(crate) fn fingerprint(&self, fingerprint: &mut Fingerprint) {
+        let Self { attractors, tangents, viewpoint, failures, free_space, tallies } = self;
+        fingerprint.count(attractors.len());
+        attractors.iter().chain(tangents).for_each(|attractor| attractor.fingerprint(fingerprint));
+        fingerprint.points(viewpoint.as_slice());
+        for Failure { point, contacts_before } in failures {
+            fingerprint.vector(&point.coords);
+            fingerprint.count(*contacts_before as usize);
+        }
+        free_space.fingerprint(fingerprint);
+        tallies.fingerprint(fingerprint);
     }
 
     fn enter_prior(&mut self, prior: &VisualPrior, config: &Config) -> Entry {
@@ -135,7 +167,7 @@ impl Ledger {
         let is_early = off_m > config.failure_distance_m;
         if !is_early || (config.method.learns_from_failures() && config.stages.early_contacts) {
             self.attractors.push(Attractor { point: contact.point(), uncertainty, sense: Sense::Touch });
-            let around = |normal| tangent::around(&contact.point(), normal, uncertainty);
+            let around = |normal| tangent::around(contact.point(), normal, uncertainty);
             self.tangents.extend(normal.into_iter().flat_map(around));
         }
         if is_early {

@@ -1,20 +1,15 @@
 //! What a measured normal says: around its touch the surface goes on in the plane across it.
 
 use super::attractor::{Attractor, Sense};
-use crate::geometry::{Direction, Point, Vector};
+use crate::geometry::{self, Direction, Point};
 
 /// How far from the touch the plane is believed, in metres.
 const RADIUS_M: f64 = 0.004;
 
 /// Three points around a touch, on the plane across its normal.
-pub(crate) fn around(touch: &Point, normal: &Direction, uncertainty: f64) -> [Attractor; 3] {
-    // Any axis that is not the normal's gives two directions across it.
-    let axis = if normal.x.abs() < 0.6 { Vector::x() } else { Vector::y() };
-    let first = normal.cross(&axis).normalize();
-    let second = normal.cross(&first);
-    [0.0, 1.0, 2.0].map(|third| {
-        let (sin, cos) = (third * std::f64::consts::TAU / 3.0).sin_cos();
-        let point = touch + (first * cos + second * sin) * RADIUS_M;
+pub(crate) fn around(touch: Point, normal: &Direction, uncertainty: f64) -> impl Iterator<Item = Attractor> {
+    geometry::around(normal, 3).map(move |across| {
+        let point = touch + across * RADIUS_M;
         Attractor { point, uncertainty, sense: Sense::Tangent }
     })
 }
@@ -22,13 +17,14 @@ pub(crate) fn around(touch: &Point, normal: &Direction, uncertainty: f64) -> [At
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::Vector;
 
     #[test]
     fn the_points_lie_around_the_touch_and_across_the_normal() {
         for normal in [Vector::x(), Vector::new(0.3, -0.5, 0.8), -Vector::z()] {
             let normal = Direction::new_normalize(normal);
             let touch = Point::new(0.1, 0.2, 0.3);
-            let points = around(&touch, &normal, 0.1).map(|a| a.point - touch);
+            let points: Vec<_> = around(touch, &normal, 0.1).map(|a| a.point - touch).collect();
             assert!(
                 points.iter().all(|p| (p.norm() - RADIUS_M).abs() < 1e-12 && p.dot(&normal).abs() < 1e-12)
             );

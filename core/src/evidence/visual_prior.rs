@@ -45,6 +45,15 @@ impl VisualPrior {
         Ok(Self { points, uncertainty, viewpoint })
     }
 
+    /// The same cloud with every point mapped.
+    pub(super) fn mapped(&self, map: impl Fn(&Point) -> Point) -> Self {
+        Self {
+            points: self.points.iter().map(&map).collect(),
+            uncertainty: self.uncertainty,
+            viewpoint: self.viewpoint.as_ref().map(map),
+        }
+    }
+
     /// The points, in metres.
     pub fn points(&self) -> &[Point] {
         &self.points

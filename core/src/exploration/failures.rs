@@ -6,7 +6,9 @@
 use super::proposal::ScoreTerm;
 use super::situation::Situation;
 
-/// A failed candidate is taboo until this many later contacts have succeeded.
+/// Candidates this close to a failed one are taboo, in metres.
+const TABOO_RADIUS_M: f64 = 0.010;
+/// They are until this many later contacts have succeeded.
 const TABOO_CONTACTS: u32 = 3;
 /// A failure makes its surroundings less attractive over this distance, in metres.
 const FAILURE_RADIUS_M: f64 = 0.035;
@@ -18,9 +20,8 @@ const HALF_LIFE_CONTACTS: f64 = 10.0;
 pub(super) fn is_taboo(situation: &Situation<'_>, vertex: u32) -> bool {
     let point = &situation.mesh.vertices[vertex as usize];
     let contacts = situation.ledger.tallies.contacts;
-    let radius_m = situation.config.method.taboo_radius_m(situation.reach);
     situation.ledger.failures.iter().any(|failure| {
-        contacts < failure.contacts_before + TABOO_CONTACTS && (failure.point - point).norm() < radius_m
+        contacts < failure.contacts_before + TABOO_CONTACTS && (failure.point - point).norm() < TABOO_RADIUS_M
     })
 }
 

@@ -1,17 +1,61 @@
 //! What is asked of a proposal, and what it answers: candidates and what was left out.
 
 use super::keep_out::KeepOut;
+use crate::error::FieldError;
+use crate::evidence::{WorkFrame, check_point};
 use crate::geometry::{Direction, Point};
 
 /// What a caller asks for.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ProposalRequest {
+    top_k: usize,
+    keep_out: Vec<KeepOut>,
+    tool: Option<Point>,
+}
+
+impl ProposalRequest {
+    /// At most `top_k` candidates.
+    pub fn best(top_k: usize) -> Self {
+        Self { top_k, ..Self::default() }
+    }
+
+    /// The same where the probe must not enter some regions.
+    pub fn keeping_out_of(self, keep_out: Vec<KeepOut>) -> Self {
+        Self { keep_out, ..self }
+    }
+
+    /// The same with the tool at a place, in metres, from which the path to a candidate counts.
+    ///
+    /// # Errors
+    /// A number that is not finite.
+    pub fn with_tool_at(self, tool: Point) -> Result<Self, FieldError> {
+        check_point("tool", &tool)?;
+        Ok(Self { tool: Some(tool), ..self })
+    }
+
     /// How many candidates at most.
-    pub top_k: usize,
+    pub fn top_k(&self) -> usize {
+        self.top_k
+    }
+
     /// Where the probe must not go.
-    pub keep_out: Vec<KeepOut>,
-    /// Where the tool is now, if that is to count, in metres.
-    pub tool: Option<Point>,
+    pub(super) fn keep_out(&self) -> &[KeepOut] {
+        &self.keep_out
+    }
+
+    /// Where the tool is, if that is to count, in metres.
+    pub(super) fn tool(&self) -> Option<Point> {
+        self.tool
+    }
+
+    /// The same request in the frame that a method works in.
+    pub(crate) fn entered(&self, frame: &WorkFrame) -> Self {
+        Self {
+            top_k: self.top_k,
+            keep_out: self.keep_out.iter().map(|region| region.entered(frame)).collect(),
+            tool: self.tool.as_ref().map(|tool| frame.exact_point(tool)),
+        }
+    }
 }
 
 /// Candidates, the best first, and what was left out.
@@ -30,10 +74,24 @@ pub struct Excluded {
     pub already_certain: u32,
     /// No adjacent vertex is confident: too far a step into the unknown.
     pub no_confident_neighbour: u32,
-    /// The way of the probe would enter a forbidden part of the workspace.
+    /// The approach would enter a forbidden part of the workspace.
     pub keep_out: u32,
     /// Close to a candidate that failed not long ago.
     pub recently_failed: u32,
+}
+
+impl Proposal {
+    /// The same proposal in the session's frame.
+    pub(crate) fn in_base(self, frame: &WorkFrame) -> Self {
+        let in_base = |candidate: Candidate| Candidate {
+            point: frame.point_in_base(&candidate.point),
+            normal: frame.direction_in_base(&candidate.normal),
+            probe_start: frame.point_in_base(&candidate.probe_start),
+            probe_end: frame.point_in_base(&candidate.probe_end),
+            ..candidate
+        };
+        Self { candidates: self.candidates.into_iter().map(in_base).collect(), ..self }
+    }
 }
 
 /// A place to touch.

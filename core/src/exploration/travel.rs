@@ -19,7 +19,7 @@ impl Travel {
     /// Nothing where no tool was given or no weight was configured.
     pub(super) fn new(situation: &Situation<'_>, request: &ProposalRequest) -> Option<Self> {
         let weight = situation.config.alpha_travel;
-        let tool = request.tool.filter(|_| weight > 0.0)?;
+        let tool = request.tool().filter(|_| weight > 0.0)?;
         let vertices = &situation.mesh.vertices;
         let (low, high) = vertices
             .iter()

@@ -9,6 +9,7 @@ use super::noise::Noise;
 use super::process::{Displacement, Observation, Prior};
 use crate::config::{DeclaredSymmetry, Stages};
 use crate::evidence::attractor::{Attractor, Sense};
+use crate::fingerprint::Fingerprint;
 use crate::schedule::Extras;
 use crate::symmetry::{Symmetry, SymmetryFrame};
 use crate::template::Compound;
@@ -52,6 +53,22 @@ pub(crate) struct Hyperparameters {
     pub(crate) symmetry: Symmetry,
     /// The directions of the template's axes, which the symmetry is about.
     axes: Rotation3<f64>,
+}
+
+impl Hyperparameters {
+    /// Adds itself to a fingerprint.
+    pub(crate) fn fingerprint(&self, fingerprint: &mut Fingerprint) {
+        let Self { noise, symmetry, axes } = self;
+        noise.fingerprint(fingerprint);
+        match symmetry {
+            Symmetry::None => fingerprint.count(0),
+            Symmetry::Mirror(planes) => {
+                planes.iter().for_each(|plane| fingerprint.count(1 + usize::from(*plane)));
+            }
+            Symmetry::Revolution(axis) => fingerprint.count(3 + axis),
+        }
+        fingerprint.rotation(axes);
+    }
 }
 
 /// What the hyperparameters are chosen for.

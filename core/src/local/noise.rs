@@ -5,6 +5,7 @@
 //! patch a surprise, too large a noise makes a smooth one.
 
 use crate::evidence::attractor::Sense;
+use crate::fingerprint::Fingerprint;
 
 /// Noise of a visual point, an average of its neighbours, and of a touch, in metres.
 const VISION_M: f64 = 0.001;
@@ -49,6 +50,12 @@ impl Noise {
         let judge = |noise: Self| (evidence(&noise) - noise.cost(), noise);
         let better = |best: (f64, Self), guess: (f64, Self)| if guess.0 > best.0 { guess } else { best };
         self.neighbours().map(judge).fold(judge(self), better).1
+    }
+
+    /// Adds itself to a fingerprint.
+    pub(super) fn fingerprint(&self, fingerprint: &mut Fingerprint) {
+        let Self { vision, touch } = *self;
+        fingerprint.numbers(&[vision, touch]);
     }
 
     fn neighbours(self) -> impl Iterator<Item = Self> {

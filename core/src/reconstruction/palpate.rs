@@ -31,13 +31,11 @@ pub(super) fn estimate(
     let mesh = surface.raised(&raised.heights_m);
 
     // Section III-F: uncertainty spreads from the attractors, then to what a revolution makes symmetric.
-    let reach = Reach::of(config, uncertainty::step_length_m(mesh.area(), config));
-    let share = |index: usize| local::surprise_share(&evidence, &raised, stages, index);
-    let mut uncertainty = uncertainty::propagate(sphere, &mesh.vertices, &evidence.attractors, reach, share);
+    let (attractors, reach) = (&evidence.attractors, Reach::of(config));
+    let mut uncertainty = uncertainty::propagate(sphere, &mesh.vertices, attractors, reach);
     if stages.symmetry_first {
-        let known = (&evidence.attractors[..], reach);
-        uncertainty =
-            uncertainty::lowered_by_symmetry(uncertainty, &mesh, raised.process.symmetry(), known, share);
+        let symmetry = raised.process.symmetry();
+        uncertainty = uncertainty::lowered_by_symmetry(uncertainty, &mesh, symmetry, attractors, reach);
     }
 
     let template_std_m = template.deviations_m(&surface.mesh().vertices);

@@ -6,7 +6,7 @@ use crate::evidence::ledger::Ledger;
 use crate::geometry::Icosphere;
 use crate::local::thin_plate::ThinPlate;
 use crate::template::{TemplateSurface, ellipsoid};
-use crate::uncertainty::{self, PAPER_LENGTH_M, Reach};
+use crate::uncertainty::{self, Reach};
 
 pub(super) fn estimate(
     ledger: &Ledger,
@@ -29,8 +29,8 @@ pub(super) fn estimate(
     let mesh = surface.raised(&plate.heights_m(&surface.mesh().vertices));
 
     // Section III-F: uncertainty spreads from the attractors.
-    let reach = Reach::of(config, PAPER_LENGTH_M);
-    let uncertainty = uncertainty::propagate(sphere, &mesh.vertices, attractors, reach, |_| 1.0);
+    let reach = Reach::of(config);
+    let uncertainty = uncertainty::propagate(sphere, &mesh.vertices, attractors, reach);
 
     let detail = PaperDetail { template, residual_m: plate.residual_m() };
     Estimate::new(Surface { mesh, uncertainty, std_m: None }, reach, Detail::Paper(detail))

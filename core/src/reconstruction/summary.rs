@@ -1,8 +1,7 @@
 //! A session in a few numbers, whether it should go on, and its fingerprint.
 
-use sha2::{Digest, Sha256};
-
-use super::{Estimate, Reconstruction};
+use super::{Detail, Estimate, PalpateDetail, PaperDetail, Reconstruction, Surface};
+use crate::fingerprint::Fingerprint;
 
 /// A session in a few numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -95,23 +94,38 @@ impl Reconstruction {
         }
     }
 
-    /// A fingerprint of every bit of the state: equal evidence gives equal fingerprints.
+    /// A fingerprint of all that the next step rests on: equal evidence gives equal fingerprints.
     pub fn digest(&self) -> [u8; 32] {
-        let mut hash = Sha256::new();
-        let mut number = |x: f64| hash.update(x.to_bits().to_le_bytes());
-        for attractor in &self.ledger().attractors {
-            attractor.point.iter().for_each(|&x| number(x));
-            number(attractor.uncertainty);
+        let mut fingerprint = Fingerprint::default();
+        self.frame.fingerprint(&mut fingerprint);
+        self.ledger.fingerprint(&mut fingerprint);
+        if let Some(estimate) = &self.estimate {
+            estimate.fingerprint(&mut fingerprint);
         }
-        for failure in &self.ledger().failures {
-            failure.point.iter().for_each(|&x| number(x));
-            number(f64::from(failure.contacts_before));
+        fingerprint.finish()
+    }
+}
+
+impl Estimate {
+    fn fingerprint(&self, fingerprint: &mut Fingerprint) {
+        // The normals follow from the mesh, and the reach from the configuration.
+        let Self { surface: Surface { mesh, uncertainty, std_m }, normals: _, reach: _, detail } = self;
+        fingerprint.points(&mesh.vertices);
+        fingerprint.numbers(uncertainty);
+        fingerprint.numbers(std_m.as_deref().unwrap_or_default());
+        match detail {
+            Detail::Paper(PaperDetail { template, residual_m }) => {
+                template.shape.fingerprint(fingerprint);
+                fingerprint.number(*residual_m);
+            }
+            Detail::Palpate(detail) => {
+                let PalpateDetail { number, template, template_std_m, raised } = &**detail;
+                fingerprint.count(*number);
+                template.fingerprint(fingerprint);
+                fingerprint.numbers(template_std_m);
+                raised.hyperparameters.fingerprint(fingerprint);
+                fingerprint.number(raised.residual_m);
+            }
         }
-        number(f64::from(self.ledger().tallies.attempts));
-        if let Some(Estimate { surface, .. }) = self.last_estimate() {
-            surface.mesh.vertices.iter().flat_map(|vertex| vertex.iter()).for_each(|&x| number(x));
-            surface.uncertainty.iter().for_each(|&x| number(x));
-        }
-        hash.finalize().into()
     }
 }

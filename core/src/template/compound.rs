@@ -10,10 +10,6 @@ use super::superquadric::Superquadric;
 use crate::geometry::{Icosphere, Point, TriangleMesh, Vector};
 use crate::symmetry::Symmetry;
 
-/// Parts run into each other over this share of the body's least semi-axis: few real things have
-/// an edge where a neck begins.
-const FILLET: f64 = 0.15;
-
 /// What lies deeper in the union than this is not its surface, in metres.
 const VISIBLE_M: f64 = 1e-6;
 
@@ -22,16 +18,14 @@ const VISIBLE_M: f64 = 1e-6;
 pub struct Compound {
     /// The largest part, whose axes are those of the template.
     pub body: Superquadric,
-    /// What else belongs to it.
-    pub limbs: Vec<Superquadric>,
-    /// Whether parts run into each other in a fillet; otherwise in an edge.
-    pub fillets: bool,
+    /// The other parts, limbs among them.
+    pub others: Vec<Superquadric>,
 }
 
 impl Compound {
-    /// The body and then the limbs.
+    /// The body, then the others.
     pub fn parts(&self) -> impl Iterator<Item = &Superquadric> {
-        std::iter::once(&self.body).chain(&self.limbs)
+        std::iter::once(&self.body).chain(&self.others)
     }
 
     /// The signed distance to first order, that of the nearest part, in metres.
@@ -59,7 +53,7 @@ impl Compound {
 
     /// What it looks like, in a word.
     pub fn family(&self) -> &'static str {
-        match (self.limbs.len(), self.body.exponents) {
+        match (self.others.len(), self.body.exponents) {
             (0, [e1, e2]) if e1 < 0.5 && e2 < 0.5 => "box",
             (0, [e1, _]) if e1 < 0.5 => "cylinder",
             (0, [_, e2]) if e2 < 0.5 => "prism",
@@ -71,7 +65,7 @@ impl Compound {
 
     /// The icosphere mapped onto the union, along rays from the hub.
     pub fn mesh(&self, sphere: &Icosphere) -> TriangleMesh {
-        if self.limbs.is_empty() {
+        if self.others.is_empty() {
             return self.body.mesh(sphere);
         }
         let hub = self.hub();
@@ -82,28 +76,17 @@ impl Compound {
         })
     }
 
-    /// Where a ray from the hub leaves the union, in lengths of the ray. Where it leaves two parts
-    /// at nearly the same place, it leaves their fillet a little farther out.
+    /// Where a ray from the hub leaves the union, in lengths of the ray.
     fn exit(&self, hub: &Point, ray: &Vector) -> f64 {
-        let width = if self.fillets { FILLET * self.body.semi_axes.min() / ray.norm() } else { 0.0 };
-        let (mut last, mut one_before) = (0.0, f64::NEG_INFINITY);
-        for part in self.parts() {
-            match part.exit(hub, ray, f64::max(last - width, 0.0)) {
-                Some(exit) if exit > last => (last, one_before) = (exit, last),
-                Some(exit) => one_before = one_before.max(exit),
-                None => (),
-            }
-        }
-        let overlap = (width - (last - one_before)).max(0.0);
-        if overlap > 0.0 { last + overlap * overlap / (4.0 * width) } else { last }
+        self.parts().fold(0.0, |last, part| part.exit(hub, ray, last).unwrap_or(last))
     }
 
-    /// The point inside the body, on the way to a limb, that lies deepest in the union's parts.
+    /// The point inside the body, between its centre and that of another part, that lies deepest in the union's parts.
     fn hub(&self) -> Point {
         let mut best = (f64::NEG_INFINITY, self.body.centre);
-        for limb in &self.limbs {
+        for other in &self.others {
             for step in 0..=20 {
-                let at = self.body.centre + (limb.centre - self.body.centre) * (f64::from(step) / 20.0);
+                let at = self.body.centre + (other.centre - self.body.centre) * (f64::from(step) / 20.0);
                 let in_body = 1.0 - self.body.gauge(&at);
                 let in_all = self.parts().map(|part| 1.0 - part.gauge(&at)).fold(f64::INFINITY, f64::min);
                 // Where no point is in all parts, one in the body and near the others has to do.
@@ -142,7 +125,7 @@ mod tests {
             base_from_template: Rotation3::identity(),
             exponents: [0.2, 1.0],
         };
-        Compound { body: part(0.0, 0.035, 0.09), limbs: vec![part(0.1, 0.013, 0.05)], fillets: false }
+        Compound { body: part(0.0, 0.035, 0.09), others: vec![part(0.1, 0.013, 0.05)] }
     }
 
     #[test]
@@ -158,25 +141,6 @@ mod tests {
     }
 
     #[test]
-    fn a_fillet_fills_the_corner_and_nothing_else() {
-        let sphere = Icosphere::get(4);
-        let sharp = bottle().mesh(sphere);
-        let round = Compound { fillets: true, ..bottle() };
-        let mut filled = 0;
-        for (before, after) in sharp.vertices.iter().zip(round.mesh(sphere).vertices) {
-            let outwards_m = bottle().distance_m(&after);
-            assert!((-1e-4..0.0035).contains(&outwards_m), "{outwards_m}");
-            if outwards_m > 1e-4 {
-                // The corner is where the neck of 13 mm comes out of the top at 90 mm.
-                let radius_m = (before.x - 0.1).hypot(before.y - 0.2);
-                assert!(radius_m < 0.03 && (0.07..0.11).contains(&before.z), "{before}");
-                filled += 1;
-            }
-        }
-        assert!(filled > 10);
-    }
-
-    #[test]
     fn a_bottle_is_round_about_its_axis_and_not_alike_at_its_ends() {
         let asymmetry_m = |shape: &Compound, symmetry| 1e3 * shape.asymmetry_m(symmetry);
         let upright = bottle();
@@ -186,14 +150,14 @@ mod tests {
         assert!(asymmetry_m(&upright, Symmetry::Revolution(0)) > 5.0);
         // A square section turns onto itself, but not by half as much.
         let body = Superquadric { exponents: [0.2, 0.2], ..upright.body };
-        let square = Compound { body, limbs: Vec::new(), fillets: false };
+        let square = Compound { body, others: Vec::new() };
         assert!(asymmetry_m(&square, Symmetry::Revolution(2)) > 2.0);
         assert!(asymmetry_m(&square, Symmetry::Mirror([true; 3])) < 0.1);
     }
 
     #[test]
-    fn a_template_without_limbs_is_its_body() {
-        let alone = Compound { limbs: Vec::new(), ..bottle() };
+    fn a_template_without_other_parts_is_its_body() {
+        let alone = Compound { others: Vec::new(), ..bottle() };
         assert_eq!(alone.mesh(Icosphere::get(2)), alone.body.mesh(Icosphere::get(2)));
         assert_eq!((alone.family(), bottle().family()), ("cylinder", "compound of 2"));
     }

@@ -2,6 +2,7 @@
 
 use super::field::Field;
 use super::fit_data::FitData;
+use super::least_squares::huber;
 use super::part::Part;
 use crate::geometry::Vector;
 
@@ -35,12 +36,8 @@ impl Distances {
 
     /// The cost of a template at these distances, without its priors.
     pub(super) fn cost(&self, data: &FitData) -> f64 {
-        let huber = |r: f64| {
-            let size = r.abs();
-            if size <= HUBER { 0.5 * size * size } else { HUBER * (size - 0.5 * HUBER) }
-        };
         let weights = data.surface.iter().map(|(_, weight)| weight * weight);
-        let surface: f64 = weights.zip(&self.surface).map(|(weight, r)| weight * huber(*r)).sum();
+        let surface: f64 = weights.zip(&self.surface).map(|(weight, r)| weight * huber(*r, HUBER)).sum();
         let free: f64 = self.free.iter().map(|r| 0.5 * r.min(0.0).powi(2)).sum();
         let occupied: f64 = self.occupied.iter().map(|r| 0.5 * r.max(0.0).powi(2)).sum();
         surface + free + occupied

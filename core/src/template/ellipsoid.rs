@@ -10,6 +10,7 @@ use nalgebra::{Rotation3, SVector};
 use super::least_squares::{NormalEquations, minimise};
 use super::patch_frame::{LOG_SIZE, PatchFrame, clamp_log_size, principal_axis};
 use crate::evidence::attractor::{Attractor, Sense};
+use crate::fingerprint::Fingerprint;
 use crate::geometry::{Icosphere, Point, TriangleMesh, Vector};
 
 /// Strength of the prior on size; on position it is half of it. 0.3 diverges, 3 under-fits.
@@ -32,6 +33,14 @@ pub struct Ellipsoid {
 }
 
 impl Ellipsoid {
+    /// Adds itself to a fingerprint.
+    pub(crate) fn fingerprint(&self, fingerprint: &mut Fingerprint) {
+        let Self { centre, semi_axes, base_from_template } = self;
+        fingerprint.vector(&centre.coords);
+        fingerprint.vector(semi_axes);
+        fingerprint.rotation(base_from_template);
+    }
+
     /// A point in the template's frame, scaled so that the surface is the unit sphere.
     fn unit_from_base(&self, point: &Point) -> Vector {
         self.base_from_template

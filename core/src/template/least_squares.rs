@@ -38,7 +38,7 @@ impl<const N: usize> NormalEquations<N> {
         }
     }
 
-    /// Adds one residual with Huber's loss: squared up to `threshold`, linear beyond it.
+    /// Adds one residual with Huber's loss, [`huber`].
     pub(crate) fn add_huber(&mut self, residual: f64, row: &SVector<f64, N>, weight: f64, threshold: f64) {
         let size = residual.abs();
         if size <= threshold {
@@ -47,10 +47,16 @@ impl<const N: usize> NormalEquations<N> {
         }
         let square = weight * weight;
         let slope = square * threshold / size;
-        self.cost += square * threshold * (size - 0.5 * threshold);
+        self.cost += square * huber(size, threshold);
         self.gradient.axpy(slope * residual, row, 1.0);
         self.hessian.ger(slope, row, row, 1.0);
     }
+}
+
+/// Huber's loss of a residual: half its square up to `threshold`, linear beyond.
+pub(crate) fn huber(residual: f64, threshold: f64) -> f64 {
+    let size = residual.abs();
+    if size <= threshold { 0.5 * size * size } else { threshold * (size - 0.5 * threshold) }
 }
 
 /// How a minimisation went.

@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, Rotation3, SMatrix, SVector};
 
 use super::patch_frame::{LOG_SIZE, PatchFrame, clamp_log_size};
 use super::superquadric::Superquadric;
+use crate::fingerprint::Fingerprint;
 use crate::geometry::Vector;
 
 /// Derivatives by centre, logarithmic semi-axes, a rotation applied on the right, and exponents.
@@ -75,6 +76,17 @@ impl Part {
             exponents,
             along: None,
         }
+    }
+
+    /// Adds itself to a fingerprint.
+    pub(super) fn fingerprint(&self, fingerprint: &mut Fingerprint) {
+        let Self { centre, log_axes, rotation, exponents, along } = self;
+        fingerprint.vector(centre);
+        fingerprint.vector(log_axes);
+        fingerprint.rotation(rotation);
+        fingerprint.numbers(exponents);
+        let held = along.map(|along| [along.axis as f64, along.side]);
+        fingerprint.numbers(held.as_ref().map_or(&[], |held| held));
     }
 
     pub(super) fn is_unbounded(&self) -> bool {

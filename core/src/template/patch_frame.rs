@@ -3,6 +3,7 @@
 use nalgebra::Matrix3;
 
 use crate::evidence::attractor::{Attractor, Sense};
+use crate::fingerprint::Fingerprint;
 use crate::geometry::{Point, Vector};
 
 /// Bounds of the logarithm of a semi-axis over the patch's length.
@@ -39,6 +40,14 @@ impl PatchFrame {
             visual_points,
             centre: to_camera.map_or_else(Vector::zeros, |direction| -direction),
         }
+    }
+
+    /// Adds itself to a fingerprint.
+    pub(crate) fn fingerprint(&self, fingerprint: &mut Fingerprint) {
+        let Self { origin, length_m, visual_points, centre } = self;
+        fingerprint.vector(&origin.coords);
+        fingerprint.vector(centre);
+        fingerprint.numbers(&[*length_m, *visual_points]);
     }
 
     /// A point in lengths from the origin.

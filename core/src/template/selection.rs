@@ -18,6 +18,7 @@ use super::superquadric::Superquadric;
 use super::union::{Effort, Union};
 use crate::config::Stages;
 use crate::evidence::FitEvidence;
+use crate::fingerprint::Fingerprint;
 use crate::geometry::{Point, Vector};
 use crate::schedule::Extras;
 
@@ -55,6 +56,15 @@ pub struct SelectedFit {
 }
 
 impl SelectedFit {
+    /// Adds itself to a fingerprint.
+    pub(crate) fn fingerprint(&self, fingerprint: &mut Fingerprint) {
+        // Shape and covariances follow from the parts and the evidence.
+        let Self { shape: _, diverged: _, covariances: _, frame, parts, single, ellipsoid } = self;
+        frame.fingerprint(fingerprint);
+        fingerprint.count(parts.len());
+        parts.iter().chain([single, ellipsoid]).for_each(|part| part.fingerprint(fingerprint));
+    }
+
     /// Standard deviations of the template along its normal near some points, each by the covariance
     /// of the nearest part's parameters, in metres.
     pub fn deviations_m(&self, points: &[Point]) -> Vec<f64> {
@@ -114,7 +124,7 @@ pub(crate) fn select(
     }
 
     SelectedFit {
-        shape: chosen.shape(&frame, stages.fillets),
+        shape: chosen.shape(&frame),
         diverged: chosen.parts.iter().any(Part::is_unbounded),
         covariances: chosen.covariances(&data),
         frame,

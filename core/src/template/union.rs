@@ -107,9 +107,9 @@ impl Union {
         })
     }
 
-    pub(super) fn shape(&self, frame: &PatchFrame, fillets: bool) -> Compound {
-        let mut limbs: Vec<Superquadric> = self.parts.iter().map(|part| part.shape(frame)).collect();
-        Compound { body: limbs.remove(0), limbs, fillets }
+    pub(super) fn shape(&self, frame: &PatchFrame) -> Compound {
+        let mut others: Vec<Superquadric> = self.parts.iter().map(|part| part.shape(frame)).collect();
+        Compound { body: others.remove(0), others }
     }
 
     /// Unions with one part more, which may be a limb where `limbs` says so.

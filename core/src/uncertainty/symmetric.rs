@@ -10,33 +10,31 @@ use crate::symmetry::{Symmetry, SymmetryFrame};
 const BY_SYMMETRY: f64 = 0.5;
 
 /// The uncertainty of each vertex, lowered where a symmetry makes it like a known one. Of a
-/// revolution only, and of the vertices' representatives under it; `share` as for
-/// [`propagate`](super::propagate).
+/// revolution only.
 ///
 /// Symmetry alone never makes a vertex confident: it only lets others be touched first.
 pub(crate) fn lowered_by_symmetry(
     mut uncertainty: Vec<f64>,
     mesh: &TriangleMesh,
     frame: &SymmetryFrame,
-    (attractors, reach): (&[Attractor], Reach),
-    share: impl Fn(usize) -> f64,
+    attractors: &[Attractor],
+    reach: Reach,
 ) -> Vec<f64> {
     let Symmetry::Revolution(_) = frame.symmetry else { return uncertainty };
     let displaced = mesh.vertices.iter().zip(mesh.vertex_normals());
     let representatives: Vec<SurfacePoint> =
         displaced.map(|(p, n)| frame.representative(&SurfacePoint::new(p, &n))).collect();
-    let known: Vec<(&SurfacePoint, f64, Reach)> = attractors
+    let known: Vec<(&SurfacePoint, f64)> = attractors
         .iter()
-        .enumerate()
-        .filter_map(|(index, a)| {
-            let at = &representatives[nearest_vertex(&mesh.vertices, &a.point)? as usize];
-            Some((at, a.uncertainty, reach.shortened(share(index))))
+        .filter_map(|a| {
+            let nearest = nearest_vertex(&mesh.vertices, &a.point)?;
+            Some((&representatives[nearest as usize], a.uncertainty))
         })
         .collect();
     // At most this much confidence is passed on, so the others cannot become more certain by it.
     let can_gain = |(u, _): &(&mut f64, &SurfacePoint)| **u > 1.0 - BY_SYMMETRY;
     for (u, at) in uncertainty.iter_mut().zip(&representatives).filter(can_gain) {
-        for (other, of_other, reach) in &known {
+        for (other, of_other) in &known {
             let facing = other.normal.dot(&at.normal);
             if facing > 0.0 {
                 let confidence = 1.0 - reach.spread(*of_other, (at.point - other.point).norm());
@@ -68,12 +66,12 @@ mod tests {
             |x: f64, y: f64| nearest_vertex(&mesh.vertices, &Point::new(x, y, 0.0)).unwrap() as usize;
         let (here, opposite) = (nearest(0.05, 0.0), nearest(-0.05, 0.0));
         let at = [Attractor { point: mesh.vertices[here], uncertainty: 0.0, sense: Sense::Touch }];
-        let before = propagate(sphere, &mesh.vertices, &at, reach, |_| 1.0);
-        let after = lowered_by_symmetry(before.clone(), &mesh, &frame, (&at, reach), |_| 1.0);
+        let before = propagate(sphere, &mesh.vertices, &at, reach);
+        let after = lowered_by_symmetry(before.clone(), &mesh, &frame, &at, reach);
         assert_eq!((before[opposite], after[here]), (1.0, 0.0));
         assert!((after[opposite] - (1.0 - BY_SYMMETRY)).abs() < 1e-2, "{}", after[opposite]);
         assert!(after.iter().zip(&before).all(|(after, before)| after <= before));
         let none = SymmetryFrame { symmetry: Symmetry::None, ..frame };
-        assert_eq!(lowered_by_symmetry(before.clone(), &mesh, &none, (&at, reach), |_| 1.0), before);
+        assert_eq!(lowered_by_symmetry(before.clone(), &mesh, &none, &at, reach), before);
     }
 }

@@ -115,7 +115,7 @@ impl Api {
         let request =
             from_proto::exploration_request(names.propose, top_k, names.robot, robot.as_ref(), &self.limits)?;
         let snapshot = self.sessions.snapshot(&session_id, deadline).await?;
-        if snapshot.reconstruction.surface().is_none() {
+        if snapshot.reconstruction.last_estimate().is_none() {
             return Err(Error::NoVisualPrior);
         }
         self.sessions.pool.run(deadline, move || proposal(&snapshot, &request)).await
@@ -209,7 +209,7 @@ fn absorb_result(
 }
 
 fn next_candidates(after: &Snapshot, wanted: &ProposalRequest) -> Vec<v1::Candidate> {
-    if wanted.top_k == 0 {
+    if wanted.top_k() == 0 {
         return Vec::new();
     }
     to_proto::candidates(after, &after.reconstruction.propose(wanted).candidates)

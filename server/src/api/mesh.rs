@@ -84,9 +84,9 @@ fn etag(snapshot: &Snapshot, form: Form) -> String {
 fn mesh(snapshot: &Snapshot, form: Form, have_topology: &str) -> Result<v1::Mesh, Error> {
     let surface = snapshot.reconstruction.surface().ok_or(Error::NoVisualPrior)?;
     let (content_type, body) = match form {
-        Form::Raw => (String::new(), v1::mesh::Body::Raw(raw_mesh(surface, have_topology))),
+        Form::Raw => (String::new(), v1::mesh::Body::Raw(raw_mesh(&surface, have_topology))),
         Form::File(format) => {
-            let file = write_file(format, surface, snapshot.revision);
+            let file = write_file(format, &surface, snapshot.revision);
             (format.content_type().to_owned(), v1::mesh::Body::File(file.into()))
         }
     };

@@ -166,8 +166,10 @@ impl Watcher {
     /// Whether the event `seq` gave another surface than the one that was sent last.
     async fn surface_changed(&mut self, seq: i64) -> Result<bool, Error> {
         let snapshot = self.api.sessions.at_revision(&self.session_id, seq, self.deadline()).await?;
-        let before = self.shown.as_ref().and_then(|shown| shown.reconstruction.surface());
-        let changed = snapshot.reconstruction.surface() != before;
+        let changed = match &self.shown {
+            Some(shown) => !snapshot.reconstruction.has_surface_of(&shown.reconstruction),
+            None => snapshot.reconstruction.last_estimate().is_some(),
+        };
         self.shown = Some(snapshot);
         Ok(changed)
     }

@@ -57,8 +57,7 @@ pub(crate) fn session(snapshot: &Snapshot) -> v1::Session {
     }
 }
 
-/// The configuration with every default written out, so that it means the same in a later version;
-/// over what length uncertainty spreads stays open where it follows from the object's size.
+/// The configuration with every default written out, so that it means the same in a later version.
 pub(crate) fn session_config(config: &Config, sensors: &[Sensor]) -> v1::SessionConfig {
     let Settings {
         method: used_method,
@@ -92,7 +91,7 @@ pub(crate) fn session_config(config: &Config, sensors: &[Sensor]) -> v1::Session
         visual_uncertainty: Some(visual_uncertainty),
         tactile_u_max: Some(tactile_u_max),
         propagation_hops: Some(propagation_hops),
-        propagation_length_m,
+        propagation_length_m: Some(propagation_length_m),
         probe_half_travel_m: Some(probe_half_travel_m),
         failure_distance_m: Some(failure_distance_m),
         icosphere_subdivisions: Some(icosphere_subdivisions),

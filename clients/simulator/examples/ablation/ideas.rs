@@ -1,8 +1,7 @@
 //! The rows: every idea in use, and then each left out in turn.
 
 use palpate_core::config::Stages;
-
-use crate::Problem;
+use palpate_simulator::objects::Problem;
 
 /// A choice of stages.
 #[derive(Clone, Copy, Debug)]
@@ -40,9 +39,6 @@ fn all() -> Vec<Choice> {
         row("noise", "noise not estimated", Stages { noise: false, ..all }),
         row("symmetry", "no symmetry", Stages { symmetry: false, ..all }),
         row("symmetry_first", "symmetry lets nothing go first", Stages { symmetry_first: false, ..all }),
-        row("surprise", "surprise does not count", Stages { surprise: false, ..all }),
-        row("step_length", "the paper's length: 20 mm", Stages { step_length: false, ..all }),
-        row("fillets", "edges between parts, no fillets", Stages { fillets: false, ..all }),
         row("failure_penalty", "no penalty near failures", Stages { failure_penalty: false, ..all }),
         row(
             "template_error",

@@ -8,28 +8,23 @@
 //! ```
 
 mod ideas;
-mod objects;
 mod run;
 mod table;
 
-use std::error::Error;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use clap::Parser;
 use indicatif::{ProgressBar, ProgressStyle};
 use palpate_core::config::Stages;
+use palpate_simulator::objects::{self, Object, Problem};
+use palpate_simulator::parallel::in_parallel;
 
 use self::ideas::Choice;
-use self::objects::Object;
 use self::run::{Plan, Run};
 use self::table::Row;
-
-/// Why there is no table.
-type Problem = Box<dyn Error + Send + Sync>;
 
 /// Measure what each idea of METHOD_PALPATE is worth, and print a markdown table.
 ///
@@ -94,7 +89,8 @@ fn measure(args: &Args) -> Result<(), Problem> {
             .flat_map(|seed| objects.iter().map(move |object| (seed, object)))
             .map(|(seed, object)| plan(args, seed, object, stages))
             .collect();
-        let runs = in_parallel(&plans, threads, &bar)?;
+        let run = |plan: &Plan<'_>| plan.run().inspect(|_| bar.inc(1));
+        let runs = in_parallel(&plans, threads, run).into_iter().collect::<Result<Vec<Run>, _>>()?;
         bar.suspend(|| println!("{}", Row { name, objects: &names, runs: &runs }));
     }
     bar.finish_and_clear();
@@ -110,29 +106,4 @@ fn plan<'a>(args: &Args, seed: u64, object: &'a Object, stages: Stages) -> Plan<
         depth_noise_m: 1e-3 * args.depth_noise_mm,
         tactile_noise_m: 1e-3 * args.tactile_noise_mm,
     }
-}
-
-/// The runs in the order of their plans.
-fn in_parallel(plans: &[Plan<'_>], threads: NonZeroUsize, bar: &ProgressBar) -> Result<Vec<Run>, Problem> {
-    let next = AtomicUsize::new(0);
-    let work = || {
-        let mut done = Vec::new();
-        while let Some((index, plan)) = take(plans, &next) {
-            done.push((index, plan.run()?));
-            bar.inc(1);
-        }
-        Ok(done)
-    };
-    let done: Result<Vec<_>, Problem> = std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..threads.get()).map(|_| scope.spawn(work)).collect();
-        workers.into_iter().map(|worker| worker.join().expect("a run does not panic")).collect()
-    });
-    let mut done = done?.concat();
-    done.sort_by_key(|(index, _)| *index);
-    Ok(done.into_iter().map(|(_, run)| run).collect())
-}
-
-fn take<'a, 'b>(plans: &'a [Plan<'b>], next: &AtomicUsize) -> Option<(usize, &'a Plan<'b>)> {
-    let index = next.fetch_add(1, Ordering::Relaxed);
-    plans.get(index).map(|plan| (index, plan))
 }

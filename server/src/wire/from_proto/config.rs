@@ -44,7 +44,7 @@ pub(super) fn config(config: &v1::SessionConfig, limits: &Limits) -> Result<(Con
         visual_uncertainty: visual_uncertainty.unwrap_or(default.visual_uncertainty),
         tactile_u_max: tactile_u_max.unwrap_or(default.tactile_u_max),
         propagation_hops: propagation_hops.unwrap_or(default.propagation_hops),
-        propagation_length_m,
+        propagation_length_m: propagation_length_m.unwrap_or(default.propagation_length_m),
         probe_half_travel_m: probe_half_travel_m.unwrap_or(default.probe_half_travel_m),
         failure_distance_m: failure_distance_m.unwrap_or(default.failure_distance_m),
         icosphere_subdivisions: icosphere_subdivisions.unwrap_or(default.icosphere_subdivisions),

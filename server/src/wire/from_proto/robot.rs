@@ -1,11 +1,10 @@
 //! Who asks for candidates, and what it must keep away from.
 
 use palpate_core::exploration::{KeepOut, ProposalRequest};
-use palpate_core::geometry::Direction;
 use palpate_proto::v1;
 
 use super::geometry::{point, pose, vector};
-use super::{check_text, non_finite};
+use super::{at, check_text};
 use crate::error::Error;
 use crate::limits::Limits;
 
@@ -28,7 +27,7 @@ pub(crate) fn exploration_request(
         return Err(Error::field(top_k_field, description));
     }
     let Some(v1::RobotContext { robot_id, tool_pose, keep_out: regions }) = robot else {
-        return Ok(ProposalRequest { top_k: top_k as usize, ..ProposalRequest::default() });
+        return Ok(ProposalRequest::best(top_k as usize));
     };
     check_text(&format!("{robot_field}.robot_id"), robot_id, limits.name_bytes)?;
     let tool_field = format!("{robot_field}.tool_pose");
@@ -41,40 +40,35 @@ pub(crate) fn exploration_request(
     let keep_out = regions
         .map(|(index, region)| keep_out(&format!("{robot_field}.keep_out[{index}]"), region))
         .collect::<Result<_, _>>()?;
-    Ok(ProposalRequest {
-        top_k: top_k as usize,
-        keep_out,
-        tool: tool_pose.map(|tool| tool.translation.vector.into()),
-    })
-}
-
-fn keep_out(path: &str, region: &v1::KeepOut) -> Result<KeepOut, Error> {
-    let v1::KeepOut { shape } = region;
-    let field = |name: &str| format!("{path}.{name}");
-    match shape {
-        None => Err(Error::field(field("shape"), "is missing: give a half_space or a ball")),
-        Some(v1::keep_out::Shape::HalfSpace(v1::HalfSpace { normal, offset_m })) => {
-            let normal_field = field("half_space.normal");
-            let (normal, length) = Direction::new_and_get(vector(&normal_field, normal.as_ref())?);
-            if length.is_nan() || (length - 1.0).abs() > NORMAL_TOLERANCE {
-                let description = format!("has length {length:.4} and must be normalised to 1");
-                return Err(Error::field(normal_field, description));
-            }
-            let offset_m = finite(&field("half_space.offset_m"), *offset_m)?;
-            Ok(KeepOut::HalfSpace { normal, offset_m })
-        }
-        Some(v1::keep_out::Shape::Ball(v1::Ball { center, radius_m })) => {
-            let center = point(&field("ball.center"), center.as_ref())?;
-            let radius_field = field("ball.radius_m");
-            let radius_m = finite(&radius_field, *radius_m)?;
-            if radius_m <= 0.0 {
-                return Err(Error::field(radius_field, format!("{radius_m} m is not above 0 m")));
-            }
-            Ok(KeepOut::Ball { center, radius_m })
+    let request = ProposalRequest::best(top_k as usize).keeping_out_of(keep_out);
+    match tool_pose {
+        None => Ok(request),
+        Some(tool) => {
+            let position = tool.translation.vector.into();
+            request.with_tool_at(position).map_err(|error| at(&tool_field, error))
         }
     }
 }
 
-fn finite(field: &str, value: f64) -> Result<f64, Error> {
-    if value.is_finite() { Ok(value) } else { Err(non_finite(field, format!("{value} is not finite"))) }
+fn keep_out(path: &str, region: &v1::KeepOut) -> Result<KeepOut, Error> {
+    let v1::KeepOut { shape } = region;
+    match shape {
+        None => Err(Error::field(format!("{path}.shape"), "is missing: give a half_space or a ball")),
+        Some(v1::keep_out::Shape::HalfSpace(v1::HalfSpace { normal, offset_m })) => {
+            let path = format!("{path}.half_space");
+            let normal_field = format!("{path}.normal");
+            let normal = vector(&normal_field, normal.as_ref())?;
+            let length = normal.norm();
+            if length.is_nan() || (length - 1.0).abs() > NORMAL_TOLERANCE {
+                let description = format!("has length {length:.4} and must be normalised to 1");
+                return Err(Error::field(normal_field, description));
+            }
+            KeepOut::half_space(normal, *offset_m).map_err(|error| at(&path, error))
+        }
+        Some(v1::keep_out::Shape::Ball(v1::Ball { center, radius_m })) => {
+            let path = format!("{path}.ball");
+            let center = point(&format!("{path}.center"), center.as_ref())?;
+            KeepOut::ball(center, *radius_m).map_err(|error| at(&path, error))
+        }
+    }
 }

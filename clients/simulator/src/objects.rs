@@ -2,27 +2,31 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::body::Body;
+use crate::mesh_file::EXTENSIONS;
+use crate::{mesh_file, shapes};
 use palpate_core::metrics::{Reference, Sampling};
-use palpate_simulator::body::Body;
-use palpate_simulator::mesh_file::EXTENSIONS;
-use palpate_simulator::{mesh_file, shapes};
 
-use crate::Problem;
+/// Why there are no objects.
+pub type Problem = Box<dyn std::error::Error + Send + Sync>;
 
 /// An object with its truth.
 #[derive(Debug)]
-pub(crate) struct Object {
+pub struct Object {
     /// A file's name without its ending, or that of the generator.
-    pub(crate) name: String,
+    pub name: String,
     /// What is seen and touched.
-    pub(crate) body: Body,
+    pub body: Body,
     /// What the estimate is compared with.
-    pub(crate) reference: Reference,
+    pub reference: Reference,
 }
 
 /// The objects of these names: files of the folder before generated ones. Without names all files,
 /// or all that can be generated where there is no folder.
-pub(crate) fn load(folder: Option<&Path>, names: &[String]) -> Result<Vec<Object>, Problem> {
+///
+/// # Errors
+/// A folder or file that cannot be read, or a name that is neither a file nor an object.
+pub fn load(folder: Option<&Path>, names: &[String]) -> Result<Vec<Object>, Problem> {
     let files = folder.map(mesh_files).transpose()?.unwrap_or_default();
     let names: Vec<String> = match (names, folder) {
         ([], Some(_)) => files.iter().map(|(name, _)| name.clone()).collect(),
