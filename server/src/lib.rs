@@ -4,8 +4,6 @@
 //! method itself in `palpate-core`. `wire` holds the conversions between messages and values.
 
 mod api;
-pub mod cli;
-mod commands;
 mod compute;
 mod error;
 mod grpc;

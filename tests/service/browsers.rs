@@ -1,7 +1,7 @@
 //! What a page in a browser needs: gRPC-Web, and leave to call from another origin only where it was given.
 
-use palpate::ServeOptions;
 use palpate_proto::v1;
+use palpate_server::ServeOptions;
 use prost::Message;
 use reqwest::Method;
 use reqwest::header::HeaderValue;

@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use palpate::Limits;
 use palpate_proto::v1;
+use palpate_server::Limits;
 use tokio::task::JoinSet;
 
 use crate::harness::{

@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use palpate::Limits;
 use palpate_proto::v1;
+use palpate_server::Limits;
 use serde_json::Value;
 use tokio_stream::StreamExt;
 use tonic_health::pb::HealthCheckRequest;

@@ -2,10 +2,10 @@
 
 use std::time::Duration;
 
-use palpate::Limits;
 use palpate_proto::v1;
 use palpate_proto::v1::contact_result::Outcome as Said;
 use palpate_proto::v1::watch_session_response::Update;
+use palpate_server::Limits;
 use tokio_stream::StreamExt;
 use tonic::Streaming;
 

@@ -3,8 +3,8 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use palpate::{Limits, ServeError, ServeOptions, serve};
 use palpate_client::{Client, RetryPolicy};
+use palpate_server::{Limits, ServeError, ServeOptions, serve};
 use tempfile::TempDir;
 use tokio::net::TcpListener;
 use tokio::task::JoinHandle;

@@ -12,7 +12,7 @@ use plotters::style::{BLACK, Color, FontDesc, IntoFont, RGBColor, TextStyle, WHI
 
 use super::super::reliability::Statements;
 use super::{Area, COLOURS, Chart, GREY, add_legend, legend};
-use crate::cli::Failure;
+use crate::failure::Failure;
 
 const SIZE_PX: (u32, u32) = (1080, 560);
 /// The lines are drawn through the coverage at every so many standard deviations.

@@ -14,7 +14,7 @@ use plotters::style::{BLACK, Color, RGBColor, ShapeStyle, WHITE};
 
 pub(super) use self::course::Course;
 pub(super) use self::reliability::draw_reliability;
-use crate::cli::Failure;
+use crate::failure::Failure;
 
 /// One a series, distinguishable with any colour vision (Okabe and Ito).
 const COLOURS: [RGBColor; 6] = [

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use palpate_client::Client;
 
 use super::robot::{NoiseArgs, ObjectArgs, SessionArgs, drive, plan, save_ply};
-use crate::cli::Failure;
+use crate::failure::Failure;
 
 pub(super) const ABOUT: &str = "\
 Lets a simulated robot explore an object through a running server, over gRPC.

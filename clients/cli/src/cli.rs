@@ -9,9 +9,7 @@ use clap::{Parser, ValueEnum};
 use tracing_subscriber::EnvFilter;
 
 use crate::commands::Command;
-
-/// What a command says when it cannot go on: what happened and what to do, for people.
-pub(crate) type Failure = Box<dyn std::error::Error + Send + Sync>;
+use crate::failure::Failure;
 
 const EXAMPLES: &str = "\
 Examples:

@@ -2,12 +2,13 @@
 
 use std::path::Path;
 
+use palpate_client::proto::v1::{Method, Strategy};
 use palpate_core::metrics::{Comparison, StatedError};
 use serde::{Serialize, Serializer};
 
-use super::super::robot::{MethodName, StrategyName, name_of};
+use super::super::robot::name_of;
 use super::spread::Spread;
-use crate::cli::Failure;
+use crate::failure::Failure;
 
 /// What is explored and how: one cell of the evaluation.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -19,8 +20,13 @@ pub(super) struct Case {
 }
 
 impl Case {
-    pub(super) fn new(object: &str, method: MethodName, strategy: StrategyName, seed: u64) -> Self {
-        Self { object: object.to_owned(), method: name_of(&method), strategy: name_of(&strategy), seed }
+    pub(super) fn new(object: &str, method: Method, strategy: Strategy, seed: u64) -> Self {
+        Self {
+            object: object.to_owned(),
+            method: name_of(method).to_owned(),
+            strategy: name_of(strategy).to_owned(),
+            seed,
+        }
     }
 }
 
@@ -169,12 +175,7 @@ mod tests {
 
     impl Run {
         /// A run of one attempt, after which the error is `error_mm` everywhere.
-        pub(in super::super) fn example(
-            object: &str,
-            strategy: StrategyName,
-            seed: u64,
-            error_mm: f64,
-        ) -> Self {
+        pub(in super::super) fn example(object: &str, strategy: Strategy, seed: u64, error_mm: f64) -> Self {
             let row = |attempt, outcome, share: f64| AttemptRow {
                 attempt,
                 outcome,
@@ -188,7 +189,7 @@ mod tests {
             };
             let sum_m = 2e-3 * error_mm;
             Self {
-                case: Case::new(object, MethodName::Paper, strategy, seed),
+                case: Case::new(object, Method::Paper, strategy, seed),
                 session_id: "run-0001".to_owned(),
                 attempts: vec![row(0, "view", 3.0), row(1, "miss", 1.0)],
                 last: Comparison {
@@ -209,7 +210,7 @@ mod tests {
     #[test]
     fn files_have_a_header_and_a_line_for_each() {
         let folder = tempfile::tempdir().unwrap();
-        let mut runs = [1, 2].map(|seed| Run::example("lamp", StrategyName::Proactive, seed, 4.0));
+        let mut runs = [1, 2].map(|seed| Run::example("lamp", Strategy::Proactive, seed, 4.0));
         runs[1].attempts[1].within_2sigma = Some(0.9375);
         runs[1].attempts[1].failure_risk = Some(0.000_123_4);
         let (attempts, all) = (folder.path().join("attempts.csv"), folder.path().join("runs.csv"));

@@ -14,16 +14,15 @@ use std::path::{Path, PathBuf};
 use futures_util::{StreamExt, TryStreamExt, stream};
 use indicatif::{ProgressBar, ProgressStyle};
 use palpate_client::Client;
+use palpate_client::proto::v1::{Method, Strategy, Symmetry};
 use palpate_core::metrics::Sampling;
 
 use self::objects::EvaluatedObject;
 use self::plot::{Course, draw_reliability};
 use self::record::{Case, Run};
 use self::table::Report;
-use super::robot::{
-    LocalServer, MethodName, NoiseArgs, SessionArgs, StrategyName, SymmetryName, name_of, plan,
-};
-use crate::cli::Failure;
+use super::robot::{LocalServer, NoiseArgs, SessionArgs, name_of, parser, plan};
+use crate::failure::Failure;
 
 pub(super) const ABOUT: &str = "\
 Lets the simulated robot explore every object with every method, strategy and seed, and compares what comes out.
@@ -54,17 +53,17 @@ pub(crate) struct Args {
     objects: Vec<String>,
 
     /// How contacts are chosen; expected_gain is left out for the paper's method, which has none.
-    #[arg(long, value_enum, value_delimiter = ',', default_values = ["proactive", "min_uncertainty"])]
-    strategies: Vec<StrategyName>,
+    #[arg(long, value_parser = parser::<Strategy>(), value_delimiter = ',', default_values = ["proactive", "min_uncertainty"])]
+    strategies: Vec<Strategy>,
 
     /// Which methods reconstruct.
-    #[arg(long, value_enum, value_delimiter = ',', default_values = ["paper", "palpate"])]
-    methods: Vec<MethodName>,
+    #[arg(long, value_parser = parser::<Method>(), value_delimiter = ',', default_values = ["paper", "palpate"])]
+    methods: Vec<Method>,
 
     /// What is known of every object's symmetry beforehand: declared to `palpate`, and left out for `paper`, which
     /// refuses one.
-    #[arg(long, value_enum)]
-    symmetry: Option<SymmetryName>,
+    #[arg(long, value_parser = parser::<Symmetry>())]
+    symmetry: Option<Symmetry>,
 
     /// How many runs of each, with the seeds 1, 2, ...
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=1000))]
@@ -147,15 +146,15 @@ fn prepare(out: &Path) -> Result<PathBuf, Failure> {
 }
 
 /// Every method with every strategy that it has.
-fn pairs(args: &Args) -> impl Iterator<Item = (MethodName, StrategyName)> {
+fn pairs(args: &Args) -> impl Iterator<Item = (Method, Strategy)> {
     let strategies = |&method| args.strategies.iter().map(move |&strategy| (method, strategy));
     // METHOD_PAPER states no deviation that a gain could be expected from.
-    let exists = |pair: &(MethodName, StrategyName)| *pair != (MethodName::Paper, StrategyName::ExpectedGain);
+    let exists = |pair: &(Method, Strategy)| *pair != (Method::Paper, Strategy::ExpectedGain);
     args.methods.iter().flat_map(strategies).filter(exists)
 }
 
 fn series(args: &Args) -> Vec<(String, String)> {
-    pairs(args).map(|(method, strategy)| (name_of(&method), name_of(&strategy))).collect()
+    pairs(args).map(|(method, strategy)| (name_of(method).to_owned(), name_of(strategy).to_owned())).collect()
 }
 
 /// Runs every case, some at once, and returns them in the order of the cases.
@@ -196,7 +195,7 @@ fn cases(
                     attempts: args.attempts,
                     strategy,
                     method: Some(method),
-                    symmetry: args.symmetry.filter(|_| method != MethodName::Paper),
+                    symmetry: args.symmetry.filter(|_| method != Method::Paper),
                     seed,
                 };
                 let mut plan = plan(&object.name, "evaluate", &session, &args.noise);
@@ -225,8 +224,6 @@ fn typed_command(args: impl Iterator<Item = String>) -> String {
 
 #[cfg(test)]
 mod tests {
-    use palpate_client::proto::v1::Symmetry;
-
     use super::*;
 
     #[test]

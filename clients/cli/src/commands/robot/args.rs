@@ -3,14 +3,14 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use clap::ValueEnum;
 use palpate_client::proto::v1::{CreateSessionRequest, Method, SessionConfig, StopRule, Strategy, Symmetry};
 use palpate_simulator::body::Body;
 use palpate_simulator::probe::ProbeSettings;
 use palpate_simulator::robot::Plan;
 use palpate_simulator::{mesh_file, shapes};
 
-use crate::cli::Failure;
+use super::names::{name_of, parser};
+use crate::failure::Failure;
 
 /// What the robot explores.
 #[derive(Clone, Debug, clap::Args)]
@@ -51,16 +51,16 @@ pub(in crate::commands) struct SessionArgs {
     pub(in crate::commands) attempts: u32,
 
     /// How the next contact is chosen.
-    #[arg(long, value_enum, default_value_t = StrategyName::Proactive)]
-    pub(in crate::commands) strategy: StrategyName,
+    #[arg(long, value_parser = parser::<Strategy>(), default_value = "proactive")]
+    pub(in crate::commands) strategy: Strategy,
 
     /// Which method reconstructs; the server's best unless given.
-    #[arg(long, value_enum)]
-    pub(in crate::commands) method: Option<MethodName>,
+    #[arg(long, value_parser = parser::<Method>())]
+    pub(in crate::commands) method: Option<Method>,
 
     /// What is known of the object's symmetry beforehand; the method `paper` refuses one.
-    #[arg(long, value_enum)]
-    pub(in crate::commands) symmetry: Option<SymmetryName>,
+    #[arg(long, value_parser = parser::<Symmetry>())]
+    pub(in crate::commands) symmetry: Option<Symmetry>,
 
     /// Decides the view, the offsets on the pad and all noise: the same seed gives the same run.
     #[arg(long, default_value_t = 1)]
@@ -101,77 +101,6 @@ fn not_negative(text: &str) -> Result<f64, String> {
     }
 }
 
-/// The strategies by the names of the wire contract.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-#[value(rename_all = "snake_case")]
-pub(in crate::commands) enum StrategyName {
-    /// From the frontier of what is known: the paper's own (OURS).
-    Proactive,
-    /// Where the uncertainty is highest: the paper's baseline (minU).
-    MinUncertainty,
-    /// Directions spread evenly over the object.
-    Uniform,
-    /// Anywhere on the estimate.
-    Random,
-    /// Where the most is expected to be learnt.
-    ExpectedGain,
-}
-
-impl StrategyName {
-    fn to_wire(self) -> Strategy {
-        match self {
-            Self::Proactive => Strategy::Proactive,
-            Self::MinUncertainty => Strategy::MinUncertainty,
-            Self::Uniform => Strategy::Uniform,
-            Self::Random => Strategy::Random,
-            Self::ExpectedGain => Strategy::ExpectedGain,
-        }
-    }
-}
-
-/// The methods by the names of the wire contract.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-#[value(rename_all = "snake_case")]
-pub(in crate::commands) enum MethodName {
-    /// The paper's stages, faithful and comparable.
-    Paper,
-    /// Palpate's own, where the server has it.
-    Palpate,
-}
-
-impl MethodName {
-    fn to_wire(self) -> Method {
-        match self {
-            Self::Paper => Method::Paper,
-            Self::Palpate => Method::Palpate,
-        }
-    }
-}
-
-/// The symmetries that a caller can declare, by the names of the wire contract.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-#[value(rename_all = "snake_case")]
-pub(in crate::commands) enum SymmetryName {
-    /// A surface of revolution about some axis.
-    Revolution,
-    /// A mirror image of itself in some plane.
-    Mirror,
-}
-
-impl SymmetryName {
-    fn to_wire(self) -> Symmetry {
-        match self {
-            Self::Revolution => Symmetry::Revolution,
-            Self::Mirror => Symmetry::Mirror,
-        }
-    }
-}
-
-/// The name of a value as it is typed.
-pub(in crate::commands) fn name_of(value: &impl ValueEnum) -> String {
-    value.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default()
-}
-
 /// What the robot sets out to do, its session labelled with what produced it.
 pub(in crate::commands) fn plan(
     object: &str,
@@ -181,14 +110,14 @@ pub(in crate::commands) fn plan(
 ) -> Plan {
     let mut labels = BTreeMap::from([
         ("object".to_owned(), object.to_owned()),
-        ("strategy".to_owned(), name_of(&session.strategy)),
+        ("strategy".to_owned(), name_of(session.strategy).to_owned()),
         ("seed".to_owned(), session.seed.to_string()),
     ]);
-    if let Some(method) = &session.method {
-        labels.insert("method".to_owned(), name_of(method));
+    if let Some(method) = session.method {
+        labels.insert("method".to_owned(), name_of(method).to_owned());
     }
-    if let Some(symmetry) = &session.symmetry {
-        labels.insert("symmetry".to_owned(), name_of(symmetry));
+    if let Some(symmetry) = session.symmetry {
+        labels.insert("symmetry".to_owned(), name_of(symmetry).to_owned());
     }
     Plan {
         session: CreateSessionRequest {
@@ -197,9 +126,9 @@ pub(in crate::commands) fn plan(
             frame_id: "object".to_owned(),
             labels,
             config: Some(SessionConfig {
-                method: session.method.map_or(Method::Unspecified, MethodName::to_wire).into(),
-                strategy: session.strategy.to_wire().into(),
-                symmetry: session.symmetry.map_or(Symmetry::Unspecified, SymmetryName::to_wire).into(),
+                method: session.method.unwrap_or_default().into(),
+                strategy: session.strategy.into(),
+                symmetry: session.symmetry.unwrap_or_default().into(),
                 seed: Some(session.seed),
                 stop: Some(StopRule { max_attempts: Some(session.attempts), ..StopRule::default() }),
                 ..SessionConfig::default()
@@ -220,23 +149,6 @@ pub(in crate::commands) fn plan(
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn names_are_those_of_the_contract() {
-        assert_eq!(name_of(&StrategyName::MinUncertainty), "min_uncertainty");
-        for strategy in StrategyName::value_variants() {
-            let wire = format!("STRATEGY_{}", name_of(strategy).to_uppercase());
-            assert_eq!(strategy.to_wire().as_str_name(), wire);
-        }
-        for method in MethodName::value_variants() {
-            let wire = format!("METHOD_{}", name_of(method).to_uppercase());
-            assert_eq!(method.to_wire().as_str_name(), wire);
-        }
-        for symmetry in SymmetryName::value_variants() {
-            let wire = format!("SYMMETRY_{}", name_of(symmetry).to_uppercase());
-            assert_eq!(symmetry.to_wire().as_str_name(), wire);
-        }
-    }
 
     #[test]
     fn what_the_caller_knows_is_declared_and_what_the_robot_measures_is_set() {

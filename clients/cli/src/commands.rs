@@ -8,7 +8,7 @@ mod serve;
 
 use clap::Subcommand;
 
-use crate::cli::Failure;
+use crate::failure::Failure;
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {

@@ -9,7 +9,7 @@ use palpate_simulator::mesh_file::EXTENSIONS;
 use palpate_simulator::{mesh_file, shapes};
 
 use super::paper;
-use crate::cli::Failure;
+use crate::failure::Failure;
 
 /// What `--objects` calls all generated objects together.
 pub(super) const ALL_GENERATED: &str = "generated";

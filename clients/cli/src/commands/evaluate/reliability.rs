@@ -135,12 +135,13 @@ pub(super) fn markdown(statements: &[Statements]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::robot::StrategyName;
+    use palpate_client::proto::v1::Strategy;
+
     use super::*;
 
     /// A run whose vertices are wrong by 1 mm, and whose one candidate was missed.
     fn stating(object: &str, std_m: &[f64], risk: f64) -> Run {
-        let mut run = Run::example(object, StrategyName::Proactive, 1, 1.0);
+        let mut run = Run::example(object, Strategy::Proactive, 1, 1.0);
         run.stated_errors = std_m.iter().map(|&std_m| StatedError { std_m, error_m: 0.001 }).collect();
         run.attempts[1].within_2sigma = Some(coverage(&run.stated_errors, 2.0));
         run.attempts[1].failure_risk = Some(risk);

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::robot::{LocalServer, NoiseArgs, ObjectArgs, SessionArgs, drive, plan, save_ply};
-use crate::cli::Failure;
+use crate::failure::Failure;
 
 pub(super) const ABOUT: &str = "\
 Starts a server with a temporary database and lets a simulated robot explore an object through it.

@@ -9,8 +9,8 @@ use http::HeaderValue;
 use tokio::net::TcpListener;
 use tokio_util::sync::CancellationToken;
 
-use crate::cli::Failure;
-use crate::{ServeOptions, serve};
+use crate::failure::Failure;
+use palpate_server::{ServeOptions, serve};
 
 /// The exit code of a process that was interrupted: 128 and the number of SIGINT.
 const INTERRUPTED: i32 = 130;

@@ -8,10 +8,10 @@ use std::error::Error;
 use std::fmt::Write;
 use std::path::PathBuf;
 
-use palpate::{ServeOptions, serve};
 use palpate_client::Client;
 use palpate_client::proto::v1::{CreateSessionRequest, GetMeshRequest, MeshFormat, SessionConfig, mesh};
 use palpate_core::geometry::{Point, TriangleMesh, Vector};
+use palpate_server::{ServeOptions, serve};
 use palpate_simulator::robot::{Plan, Robot};
 use palpate_simulator::shapes;
 use tokio::net::TcpListener;

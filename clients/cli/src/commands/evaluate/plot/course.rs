@@ -13,7 +13,7 @@ use super::super::paper;
 use super::super::record::{AttemptRow, Run};
 use super::super::spread::Spread;
 use super::{Area, COLOURS, GREY, add_legend, legend};
-use crate::cli::Failure;
+use crate::failure::Failure;
 
 const SIZE_PX: (u32, u32) = (1080, 420);
 
@@ -139,14 +139,15 @@ fn draw(
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::super::robot::StrategyName;
+    use palpate_client::proto::v1::Strategy;
+
     use super::*;
 
     #[test]
     fn a_plot_has_a_band_and_a_line_for_each_strategy_and_levels_to_compare_with() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("lamp.svg");
-        let strategies = [StrategyName::Proactive, StrategyName::MinUncertainty];
+        let strategies = [Strategy::Proactive, Strategy::MinUncertainty];
         let runs: Vec<_> = strategies
             .into_iter()
             .flat_map(|strategy| [1, 2].map(|seed| Run::example("lamp", strategy, seed, seed as f64)))

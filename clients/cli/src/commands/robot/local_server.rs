@@ -7,8 +7,8 @@ use tokio::net::TcpListener;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
-use crate::cli::Failure;
-use crate::{ServeError, ServeOptions, serve};
+use crate::failure::Failure;
+use palpate_server::{ServeError, ServeOptions, serve};
 
 /// A server that runs beside the command.
 #[derive(Debug)]

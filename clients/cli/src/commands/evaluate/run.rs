@@ -5,15 +5,14 @@ use std::sync::Arc;
 use palpate_client::Client;
 use palpate_client::proto::v1::{Candidate, StopReason};
 use palpate_core::geometry::TriangleMesh;
-use palpate_core::metrics::{Reference, StatedError, coverage};
-use palpate_simulator::probe::Outcome;
-use palpate_simulator::robot::{Estimate, Plan, Robot};
+use palpate_core::metrics::{MetricsError, Reference, StatedError, coverage};
+use palpate_simulator::robot::{Estimate, Plan};
 
-use super::super::robot::outcome_name;
+use super::super::robot::{MeasuredRobot, outcome_name};
 use super::objects::EvaluatedObject;
 use super::record::{AttemptRow, Case, Run};
 use super::reliability::MEASURED_EVERY;
-use crate::cli::Failure;
+use crate::failure::Failure;
 
 /// Explores once, from the view to the last attempt.
 pub(super) async fn run(
@@ -22,44 +21,35 @@ pub(super) async fn run(
     case: Case,
     plan: Plan,
 ) -> Result<Run, Failure> {
-    let mut robot = Robot::begin(client, &object.body, plan).await?;
-    let mut estimate = robot.estimate().await?;
-    let mut errors = errors_mm(&object.reference, &estimate.mesh).await?;
+    let reference = Arc::clone(&object.reference);
+    let mut robot = MeasuredRobot::begin(client, &object.body, reference, plan, errors_mm).await?;
     let mut attempts = vec![AttemptRow {
         attempt: 0,
         outcome: "view",
-        surface_distance_mm: errors.surface_distance,
-        chamfer_sum_mm: errors.chamfer_sum,
-        mean_uncertainty: robot.session().stats.as_ref().map_or(1.0, |stats| stats.mean_uncertainty),
+        surface_distance_mm: robot.errors.surface_distance,
+        chamfer_sum_mm: robot.errors.chamfer_sum,
+        mean_uncertainty: robot.mean_uncertainty(),
         missed_so_far: 0,
         early_so_far: 0,
         within_2sigma: None,
         failure_risk: None,
     }];
     let mut stated_errors = Vec::new();
-    let (mut missed_so_far, mut early_so_far) = (0, 0);
     while let Some(attempt) = robot.step().await? {
-        missed_so_far += u32::from(attempt.outcome == Outcome::Miss);
-        early_so_far += u32::from(matches!(attempt.outcome, Outcome::Early(_)));
-        let before = std::mem::replace(&mut estimate, robot.estimate().await?);
-        // A failure may leave the estimate as it was, and then its errors too.
-        if estimate.mesh != before.mesh {
-            errors = errors_mm(&object.reference, &estimate.mesh).await?;
-        }
         let mut within_2sigma = None;
-        if attempt.number.is_multiple_of(MEASURED_EVERY) && !estimate.std_m.is_empty() {
-            let stated = errors_beside_std(&object.reference, &estimate).await?;
+        if attempt.number.is_multiple_of(MEASURED_EVERY) && !robot.estimate.std_m.is_empty() {
+            let stated = errors_beside_std(&object.reference, &robot.estimate).await?;
             within_2sigma = Some(coverage(&stated, 2.0));
             stated_errors.extend(stated);
         }
         attempts.push(AttemptRow {
             attempt: attempt.number,
             outcome: outcome_name(&attempt.outcome),
-            surface_distance_mm: errors.surface_distance,
-            chamfer_sum_mm: errors.chamfer_sum,
+            surface_distance_mm: robot.errors.surface_distance,
+            chamfer_sum_mm: robot.errors.chamfer_sum,
             mean_uncertainty: attempt.mean_uncertainty,
-            missed_so_far,
-            early_so_far,
+            missed_so_far: robot.missed,
+            early_so_far: robot.early,
             within_2sigma,
             failure_risk: stated_risk(&attempt.candidate),
         });
@@ -70,31 +60,32 @@ pub(super) async fn run(
         reason => reason.as_str_name().to_owned(),
     };
     let session_id = session.session_id.clone();
-    let reference = Arc::clone(&object.reference);
-    let (last, calibration_2sigma) = tokio::task::spawn_blocking(move || {
-        let calibration = (!estimate.std_m.is_empty())
-            .then(|| reference.calibration_2sigma(&estimate.mesh, &estimate.std_m));
-        Ok::<_, Failure>((reference.compare(&estimate.mesh)?, calibration.transpose()?))
-    })
-    .await??;
+    let last = robot.measure(Reference::compare).await?;
+    let calibration_2sigma = calibration(&object.reference, robot.estimate).await?;
     Ok(Run { case, session_id, attempts, last, stated_errors, calibration_2sigma, stopped_early })
 }
 
+#[derive(Debug)]
 struct ErrorsMm {
     surface_distance: f64,
     chamfer_sum: f64,
 }
 
-/// Compares off the async executor, which has a server to run.
-async fn errors_mm(reference: &Arc<Reference>, mesh: &TriangleMesh) -> Result<ErrorsMm, Failure> {
-    let (reference, mesh) = (Arc::clone(reference), mesh.clone());
-    tokio::task::spawn_blocking(move || {
-        Ok(ErrorsMm {
-            surface_distance: 1e3 * reference.surface_distance_m(&mesh)?,
-            chamfer_sum: 1e3 * reference.chamfer(&mesh)?.sum_m,
-        })
+fn errors_mm(reference: &Reference, mesh: &TriangleMesh) -> Result<ErrorsMm, MetricsError> {
+    Ok(ErrorsMm {
+        surface_distance: 1e3 * reference.surface_distance_m(mesh)?,
+        chamfer_sum: 1e3 * reference.chamfer(mesh)?.sum_m,
     })
-    .await?
+}
+
+/// The share of vertices within two stated deviations, off the async executor; `None` where none are stated.
+async fn calibration(reference: &Arc<Reference>, estimate: Estimate) -> Result<Option<f64>, Failure> {
+    if estimate.std_m.is_empty() {
+        return Ok(None);
+    }
+    let reference = Arc::clone(reference);
+    let measure = move || reference.calibration_2sigma(&estimate.mesh, &estimate.std_m);
+    Ok(Some(tokio::task::spawn_blocking(measure).await??))
 }
 
 /// What the estimate says of each vertex beside the truth, off the async executor as well.

@@ -199,7 +199,8 @@ fn mean_of(values: &[Option<f64>], digits: usize) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::robot::StrategyName;
+    use palpate_client::proto::v1::Strategy;
+
     use super::super::record::AttemptRow;
     use super::*;
 
@@ -223,11 +224,11 @@ mod tests {
     fn a_cell_is_the_mean_over_its_own_seeds_with_the_published_figure_below() {
         let objects = [("lamp".to_owned(), 1.05), ("sugar_box".to_owned(), 1.97)];
         let runs = [
-            Run::example("lamp", StrategyName::Proactive, 1, 1.0),
-            Run::example("lamp", StrategyName::Proactive, 2, 3.0),
-            Run::example("lamp", StrategyName::Random, 1, 99.0),
-            Run::example("sugar_box", StrategyName::Proactive, 1, 5.0),
-            Run::example("sugar_box", StrategyName::Proactive, 2, 5.0),
+            Run::example("lamp", Strategy::Proactive, 1, 1.0),
+            Run::example("lamp", Strategy::Proactive, 2, 3.0),
+            Run::example("lamp", Strategy::Random, 1, 99.0),
+            Run::example("sugar_box", Strategy::Proactive, 1, 5.0),
+            Run::example("sugar_box", Strategy::Proactive, 2, 5.0),
         ];
         let text = report(&objects, &runs);
         let lines = [
@@ -248,7 +249,7 @@ mod tests {
 
     #[test]
     fn calibration_is_the_mean_over_the_attempts_at_which_it_was_measured() {
-        let mut run = Run::example("lamp", StrategyName::Proactive, 1, 1.0);
+        let mut run = Run::example("lamp", Strategy::Proactive, 1, 1.0);
         let measured = run.attempts[1].clone();
         run.attempts
             .extend([0.9, 0.94].map(|share| AttemptRow { within_2sigma: Some(share), ..measured.clone() }));
@@ -262,7 +263,7 @@ mod tests {
     #[test]
     fn objects_that_the_paper_does_not_have_get_no_published_row() {
         let objects = [("generated-mug".to_owned(), 1.0)];
-        let text = report(&objects, &[Run::example("generated-mug", StrategyName::Proactive, 1, 2.0)]);
+        let text = report(&objects, &[Run::example("generated-mug", Strategy::Proactive, 1, 2.0)]);
         assert!(!text.to_lowercase().contains("published"), "{text}");
         assert!(text.contains("| 4.00 | 4.00 |"), "a single run has no spread\n{text}");
     }

@@ -2,18 +2,17 @@
 
 use std::path::Path;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressStyle};
 use palpate_client::Client;
 use palpate_client::proto::v1::StopReason;
-use palpate_core::geometry::TriangleMesh;
-use palpate_core::metrics::{Comparison, MetricsError, Reference, Sampling};
+use palpate_core::metrics::{Comparison, Reference, Sampling};
 use palpate_simulator::body::Body;
-use palpate_simulator::probe::Outcome;
-use palpate_simulator::robot::{Attempt, Plan, Robot};
+use palpate_simulator::robot::{Attempt, Plan};
 
-use crate::cli::Failure;
+use super::measured::{MeasuredRobot, outcome_name};
+use crate::failure::Failure;
 
 /// What came of an exploration.
 #[derive(Debug)]
@@ -40,56 +39,30 @@ pub(in crate::commands) async fn drive(
     let reference = Arc::new(Reference::new(body.mesh().clone(), Sampling::default())?);
     let bar = ProgressBar::new(plan.attempts.into());
     bar.set_style(ProgressStyle::with_template("{bar:40} {pos}/{len} touches, {eta} left")?);
-    let mut robot = Robot::begin(client, body, plan).await?;
-    let mesh = robot.estimate().await?.mesh;
-    let mut error_m = measure(&reference, mesh, Reference::surface_distance_m).await?;
+    let mut robot =
+        MeasuredRobot::begin(client, body, reference, plan, Reference::surface_distance_m).await?;
     bar.suspend(|| {
         println!("\nattempt  outcome  error mm  mean uncertainty");
-        println!("   none  camera   {:8.2}  {:16.3}", 1e3 * error_m, mean_uncertainty(&robot));
+        println!("   none  camera   {:8.2}  {:16.3}", 1e3 * robot.errors, robot.mean_uncertainty());
     });
-    let (mut missed, mut early, mut attempts) = (0, 0, 0);
-    let mut touching = Duration::ZERO;
-    let mut stopped = robot.session().should_stop();
-    loop {
-        let started = Instant::now();
-        let Some(attempt) = robot.step().await? else { break };
-        touching += started.elapsed();
+    let mut attempts = 0;
+    while let Some(attempt) = robot.step().await? {
         attempts = attempt.number;
-        stopped = attempt.should_stop;
-        missed += u32::from(attempt.outcome == Outcome::Miss);
-        early += u32::from(matches!(attempt.outcome, Outcome::Early(_)));
-        let mesh = robot.estimate().await?.mesh;
-        error_m = measure(&reference, mesh, Reference::surface_distance_m).await?;
         bar.inc(1);
-        bar.suspend(|| println!("{}", line(&attempt, error_m)));
+        bar.suspend(|| println!("{}", line(&attempt, robot.errors)));
     }
     bar.finish_and_clear();
-    let comparison = measure(&reference, robot.estimate().await?.mesh, Reference::compare).await?;
     Ok(Exploration {
         session_id: robot.session().session_id.clone(),
         ply: robot.ply().await?,
         attempts,
-        missed,
-        early,
-        touching,
-        mean_uncertainty: mean_uncertainty(&robot),
-        stopped,
-        comparison,
+        missed: robot.missed,
+        early: robot.early,
+        touching: robot.touching,
+        mean_uncertainty: robot.mean_uncertainty(),
+        stopped: robot.session().should_stop(),
+        comparison: robot.measure(Reference::compare).await?,
     })
-}
-
-/// Compares off the async executor, which has a server to run.
-async fn measure<T: Send + 'static>(
-    reference: &Arc<Reference>,
-    mesh: TriangleMesh,
-    metric: fn(&Reference, &TriangleMesh) -> Result<T, MetricsError>,
-) -> Result<T, Failure> {
-    let reference = Arc::clone(reference);
-    Ok(tokio::task::spawn_blocking(move || metric(&reference, &mesh)).await??)
-}
-
-fn mean_uncertainty(robot: &Robot<'_>) -> f64 {
-    robot.session().stats.as_ref().map_or(1.0, |stats| stats.mean_uncertainty)
 }
 
 fn line(attempt: &Attempt, error_m: f64) -> String {
@@ -101,15 +74,6 @@ fn line(attempt: &Attempt, error_m: f64) -> String {
         line.push_str(warning);
     }
     line
-}
-
-/// One word for how an approach ended.
-pub(in crate::commands) fn outcome_name(outcome: &Outcome) -> &'static str {
-    match outcome {
-        Outcome::Hit(_) => "hit",
-        Outcome::Early(_) => "early",
-        Outcome::Miss => "miss",
-    }
 }
 
 impl std::fmt::Display for Exploration {
