@@ -61,7 +61,7 @@ pub struct Stages {
     pub early_contacts: bool,
     /// A visual point that is kept is the mean of those around it.
     pub visual_means: bool,
-    /// The noise of the senses is estimated; otherwise it is what is expected of them.
+    /// The noise of camera and pad is estimated; otherwise it is what is expected of them.
     pub noise: bool,
     /// A symmetry is taken where the evidence shows it; one that the caller vouches for always is.
     pub symmetry: bool,
@@ -70,7 +70,7 @@ pub struct Stages {
     pub symmetry_first: bool,
     /// Places around a failure are less attractive, after their taboo too.
     pub failure_penalty: bool,
-    /// Places where the template is unsure of itself are more attractive.
+    /// Places where the template is uncertain are more attractive.
     pub template_error: bool,
     /// Places where a touch is likely to fail are less attractive.
     pub risk: bool,

@@ -19,6 +19,7 @@ mod travel;
 
 pub use keep_out::KeepOut;
 pub use proposal::{Candidate, Excluded, Proposal, ProposalRequest, ScoreTerm};
+pub use risk::RiskLaw;
 pub use situation::{Deviations, Situation};
 
 use self::ranking::{Ranked, Ranking};
@@ -82,7 +83,7 @@ fn candidate(situation: &Situation<'_>, ranked: &Ranked, ranking: &Ranking<'_>) 
         uncertainty: situation.uncertainty[vertex],
         std_m,
         mean_geodesic_m: ranked.mean_geodesic_m.or_else(measure).unwrap_or(0.0),
-        failure_risk: std_m.map(|std_m| risk::of_failure(situation.config, std_m)),
+        failure_risk: std_m.map(|std_m| RiskLaw::FITTED.of_failure(situation.config, std_m)),
         relaxed: ranking.relaxed,
         why: (ranking.why)(ranked),
     }

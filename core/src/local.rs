@@ -29,10 +29,25 @@ const FREE_NOISE_M: f64 = 0.003;
 const COVERED_M: f64 = 0.0005;
 /// How often the surface is held back: what is held back here bulges a little there.
 const HOLD_BACKS: usize = 2;
-/// Calibration: the error of the surface, template included, against the process's deviation.
-const DEVIATION_SCALE: f64 = 1.5;
-/// No stated deviation is less, in metres.
-const LEAST_DEVIATION_M: f64 = 0.0003;
+
+/// How a stated deviation follows from the process's, so that 95 % of errors lie within two of them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Calibration {
+    /// The error of the surface, template included, against the process's deviation.
+    pub scale: f64,
+    /// No stated deviation is less, in metres.
+    pub least_m: f64,
+}
+
+impl Calibration {
+    /// The calibration in use, fitted by the simulator's example `calibrate`.
+    pub const FITTED: Self = Self { scale: 1.5, least_m: 0.0003 };
+
+    /// The stated deviation for one of the process, in metres.
+    pub fn stated_m(&self, deviation_m: f64) -> f64 {
+        (self.scale * deviation_m).hypot(self.least_m)
+    }
+}
 
 /// What the local stage of METHOD_PALPATE found.
 #[derive(Clone, Debug)]
@@ -81,10 +96,9 @@ pub(crate) fn raise(
 
     let vertices = surface.vertices();
     let (heights_m, deviations_m) = process.predict(&vertices);
-    let calibrated = |deviation_m: &f64| (DEVIATION_SCALE * deviation_m).hypot(LEAST_DEVIATION_M);
     Raised {
         heights_m,
-        std_m: deviations_m.iter().map(calibrated).collect(),
+        std_m: deviations_m.iter().map(|m| Calibration::FITTED.stated_m(*m)).collect(),
         residual_m: process.residual_m(&observations[..evidence.measured.len()]),
         process: VertexProcess::new(process, vertices, deviations_m),
         hyperparameters,

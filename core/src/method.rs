@@ -3,8 +3,6 @@
 //! Each difference is an exhaustive match, so a third method cannot fall through: the compiler asks
 //! for its answer to every question here.
 
-use crate::evidence::{VisualPrior, WorkFrame};
-
 /// Which reading of the paper reconstructs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Method {
@@ -63,7 +61,7 @@ impl Method {
         }
     }
 
-    /// Whether it is made of the ideas that [`Stages`](crate::config::Stages) switches.
+    /// Whether it is made of the ideas that `Stages` switches.
     pub(crate) fn has_stages(self) -> bool {
         match self {
             Self::Paper => false,
@@ -96,12 +94,12 @@ impl Method {
         }
     }
 
-    /// The frame that it works in, once something was seen. The paper's template has the axes of the
-    /// session's frame or of the data, as its own formula says.
-    pub(crate) fn work_frame(self, prior: &VisualPrior) -> WorkFrame {
+    /// Whether it works in the frame of its first view. The axes of the paper's template are those of
+    /// the session's frame or of the data, as its own formula says.
+    pub(crate) fn works_in_view_frame(self) -> bool {
         match self {
-            Self::Paper => WorkFrame::Session,
-            Self::Palpate => WorkFrame::of_view(prior),
+            Self::Paper => false,
+            Self::Palpate => true,
         }
     }
 }

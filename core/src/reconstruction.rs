@@ -112,7 +112,7 @@ impl Reconstruction {
     pub fn absorb(&self, evidence: &Evidence) -> Result<(Self, Update), Error> {
         let mut next = self.clone();
         if let (Evidence::VisualPrior(prior), None) = (evidence, &self.estimate) {
-            next.frame = self.config.method.work_frame(prior);
+            next.frame = WorkFrame::of(self.config.method, prior);
         }
         let entry = next.ledger.enter(&next.frame.enter(evidence), &next.config)?;
         let mut max_vertex_move_m = 0.0;

@@ -116,7 +116,7 @@ fn a_term_of_the_score_is_there_only_where_it_is_in_use() {
 fn every_other_stage_changes_the_surface_or_its_uncertainty() {
     let all = Stages::default();
     let surfaces = |log: &[Evidence], stages| -> Vec<_> {
-        states(log, stages).iter().map(|state| state.surface()).collect()
+        states(log, stages).iter().map(Reconstruction::surface).collect()
     };
     let log = evidence(&bottle(), 20);
     let with_all = surfaces(&log, all);

@@ -14,6 +14,7 @@ use super::attempt::{Attempt, Contact, Outcome, Sweep, Target};
 use super::visual_prior::VisualPrior;
 use crate::fingerprint::Fingerprint;
 use crate::geometry::{Direction, Point, Pose, Vector};
+use crate::method::Method;
 
 /// Coordinates are rounded to a multiple of this, in metres: a power of two, so that the rounding
 /// itself is exact.
@@ -36,8 +37,13 @@ pub(crate) enum WorkFrame {
 }
 
 impl WorkFrame {
+    /// The frame that a method works in once it has its first view.
+    pub(crate) fn of(method: Method, prior: &VisualPrior) -> Self {
+        if method.works_in_view_frame() { Self::of_view(prior) } else { Self::Session }
+    }
+
     /// The frame of a view.
-    pub(crate) fn of_view(prior: &VisualPrior) -> Self {
+    fn of_view(prior: &VisualPrior) -> Self {
         let points = prior.points();
         let centroid = points.iter().map(|point| point.coords).sum::<Vector>() / points.len() as f64;
         let offsets: Vec<Vector> = points.iter().map(|point| point.coords - centroid).collect();

@@ -8,16 +8,17 @@
 //! `ln(expected share of the variance removed) + 2 ln P(contact) - failures nearby`.
 //! It is as cautious as the proactive strategy: no further than next to what is confident.
 
+use super::failures;
 use super::proposal::{Excluded, ScoreTerm};
 use super::ranking::{Ranked, Ranking};
+use super::risk::RiskLaw;
 use super::situation::{Deviations, Situation};
 use super::travel::Travel;
-use super::{failures, risk};
 use crate::geometry::farthest_point_sampling;
 
-/// So many places are compared, spread evenly over what may be touched.
-const PLACES: usize = 128;
-/// The variance is summed over so many vertices: those of the icosphere with three subdivisions.
+/// This many vertices are compared, spread evenly over what may be touched.
+const COMPARED: usize = 128;
+/// The variance is summed over this many vertices: those of the icosphere with three subdivisions.
 /// With two, edges fall between them, and boxes and cans come out worse.
 const OBSERVED: usize = 642;
 /// Weight of the probability of contact: a failure costs an attempt and teaches little.
@@ -40,12 +41,12 @@ pub(super) fn rank(situation: &Situation<'_>, reachable: &[u32], travel: Option<
     let at = |&vertex: &u32| situation.mesh.vertices[vertex as usize];
     let points: Vec<_> = free.iter().map(at).collect();
     let places: Vec<u32> =
-        farthest_point_sampling(&points, PLACES).into_iter().map(|place| free[place]).collect();
+        farthest_point_sampling(&points, COMPARED).into_iter().map(|place| free[place]).collect();
     let gains = expected_gains(situation, &places);
     let offer = |(&vertex, gain): (&u32, f64)| {
         let risk = situation
             .deviations
-            .map_or(0.0, |d| risk::of_failure(situation.config, d.std_m[vertex as usize]));
+            .map_or(0.0, |d| RiskLaw::FITTED.of_failure(situation.config, d.std_m[vertex as usize]));
         let term = |term, weight, value| ScoreTerm { term, weight, value };
         let mut terms = vec![
             term("gain", 1.0, gain.max(f64::MIN_POSITIVE).ln()),

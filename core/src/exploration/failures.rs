@@ -12,7 +12,7 @@ const TABOO_RADIUS_M: f64 = 0.010;
 const TABOO_CONTACTS: u32 = 3;
 /// A failure makes its surroundings less attractive over this distance, in metres.
 const FAILURE_RADIUS_M: f64 = 0.035;
-/// Half of it is forgotten after so many contacts: the estimate has changed by then, and an end
+/// Half of it is forgotten after this many contacts: the estimate has changed by then, and an end
 /// that was missed once must be touched some day.
 const HALF_LIFE_CONTACTS: f64 = 10.0;
 

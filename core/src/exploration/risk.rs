@@ -5,39 +5,47 @@
 //! smaller than their deviation says, where the template is right, or have heavy tails, where it
 //! is wrong: there, they follow Student's law.
 //!
-//! Both constants were fitted by maximum likelihood to what became of 5,000 candidates of both
-//! strategies that avoid failures, each with its `std_m`. They hold for that deviation: when it was
-//! calibrated anew, the scale was changed inversely, and by an eighth more, so that what was said to
-//! fail did as often on other seeds than those of the results.
+//! Both parameters of the law are fitted to what became of candidates, each with its `std_m`, by the
+//! simulator's example `calibrate`; they hold for that deviation, and are fitted again when it changes.
 
 use super::proposal::ScoreTerm;
 use super::situation::Situation;
 use crate::config::Config;
 
-/// The share of candidates whose error follows the law; that of the others is negligible.
-const SHARE: f64 = 0.5;
-/// The law's scale for each metre of deviation.
-const SCALE: f64 = 1.9;
+/// Risk above this is penalised: exploring always takes some.
+const ACCEPTED_RISK: f64 = 0.15;
+/// With this weight.
+const RISK_WEIGHT: f64 = -2.0;
 
-/// A higher risk counts against a candidate, by so much.
-const TAKEN: f64 = 0.15;
-const WEIGHT: f64 = -2.0;
+/// The law of the errors that make an approach fail.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RiskLaw {
+    /// The share of candidates whose error follows the law; that of the others is negligible.
+    pub share: f64,
+    /// The law's scale for each metre of stated deviation.
+    pub scale: f64,
+}
 
 /// The term for a risk that is higher than what exploring always takes; nothing where the method
 /// states no deviation.
 pub(super) fn term(situation: &Situation<'_>, vertex: u32) -> Option<ScoreTerm> {
     let std_m = situation.deviations?.std_m[vertex as usize];
-    let value = (of_failure(situation.config, std_m) - TAKEN).max(0.0);
-    Some(ScoreTerm { term: "risk", weight: WEIGHT, value })
+    let value = (RiskLaw::FITTED.of_failure(situation.config, std_m) - ACCEPTED_RISK).max(0.0);
+    Some(ScoreTerm { term: "risk", weight: RISK_WEIGHT, value })
 }
 
-/// The probability that an approach fails where the surface has the deviation `std_m`, in metres.
-pub(super) fn of_failure(config: &Config, std_m: f64) -> f64 {
-    let scale_m = SCALE * std_m;
-    let outside = beyond(config.failure_distance_m / scale_m);
-    // A touch that deep would be too far from its candidate as well.
-    let inside = beyond(config.probe_half_travel_m.min(config.failure_distance_m) / scale_m);
-    SHARE * (outside + inside)
+impl RiskLaw {
+    /// The law that is in use.
+    pub const FITTED: Self = Self { share: 0.5, scale: 1.9 };
+
+    /// The probability that an approach fails where the surface has the deviation `std_m`, in metres.
+    pub fn of_failure(&self, config: &Config, std_m: f64) -> f64 {
+        let scale_m = self.scale * std_m;
+        let outside = beyond(config.failure_distance_m / scale_m);
+        // A touch that deep would be too far from its candidate as well.
+        let inside = beyond(config.probe_half_travel_m.min(config.failure_distance_m) / scale_m);
+        self.share * (outside + inside)
+    }
 }
 
 /// The probability that a variable of Student's law with four degrees of freedom exceeds `t`.
@@ -65,8 +73,8 @@ mod tests {
         let short = Config::new(Settings { probe_half_travel_m: 0.005, ..Settings::default() }).unwrap();
         let mut before = 0.0;
         for std_m in [0.001, 0.003, 0.006, 0.010] {
-            let risk = of_failure(&long, std_m);
-            assert!(risk > before && risk < of_failure(&short, std_m) && risk < 1.0);
+            let risk = RiskLaw::FITTED.of_failure(&long, std_m);
+            assert!(risk > before && risk < RiskLaw::FITTED.of_failure(&short, std_m) && risk < 1.0);
             before = risk;
         }
     }

@@ -1,4 +1,4 @@
-//! Where the template is unsure of itself, a touch settles more than the place itself.
+//! Where the template is unsure of its parameters, a touch fixes those too.
 //!
 //! The length of a bottle whose bottom nothing has touched is a guess, and all that lies around it
 //! with it; confidence that spreads from the touches at its sides does not know that. The
@@ -7,7 +7,8 @@
 use super::proposal::ScoreTerm;
 use super::situation::Situation;
 
-const WEIGHT: f64 = 2.0;
+/// Weight of the term; docs/results.md has the ablation.
+const TEMPLATE_WEIGHT: f64 = 2.0;
 /// The deviation that counts as a large one, in metres.
 const LARGE_M: f64 = 0.002;
 
@@ -15,5 +16,5 @@ const LARGE_M: f64 = 0.002;
 /// method does not state it.
 pub(super) fn term(situation: &Situation<'_>, vertex: u32) -> Option<ScoreTerm> {
     let deviation = situation.deviations?.template_std_m[vertex as usize] / LARGE_M;
-    Some(ScoreTerm { term: "template", weight: WEIGHT, value: deviation / deviation.hypot(1.0) })
+    Some(ScoreTerm { term: "template", weight: TEMPLATE_WEIGHT, value: deviation / deviation.hypot(1.0) })
 }

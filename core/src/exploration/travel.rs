@@ -1,4 +1,4 @@
-//! The way from the tool to where an approach starts: of two touches that teach as much, the
+//! The path from the tool to where an approach starts: of two touches that teach as much, the
 //! nearer one is sooner done.
 
 use super::proposal::{ProposalRequest, ScoreTerm};
@@ -9,7 +9,7 @@ use crate::geometry::Point;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Travel {
     tool: Point,
-    /// The diagonal of the object's bounding box, in metres: what ways are measured in, so that
+    /// The diagonal of the object's bounding box, in metres: the unit of paths, so that
     /// one weight suits a strawberry and a bottle.
     size_m: f64,
     weight: f64,
@@ -27,7 +27,7 @@ impl Travel {
         Some(Self { tool, size_m: (high - low).norm(), weight })
     }
 
-    /// The term of a vertex: the way to the start of its approach, counted against it.
+    /// The term of a vertex: the path to the start of its approach, counted against it.
     pub(super) fn term(&self, situation: &Situation<'_>, vertex: u32) -> ScoreTerm {
         let (start, _) = situation.probe_segment(vertex as usize);
         ScoreTerm { term: "travel", weight: self.weight, value: -(start - self.tool).norm() / self.size_m }

@@ -47,7 +47,7 @@ impl Ring {
         &self.vertices
     }
 
-    /// For each vertex of [`Self::vertices`] the place in it of the one it was reached from; the
+    /// For each vertex of [`Self::vertices`] the index in it of the one it was reached from; the
     /// first is its own.
     pub fn parents(&self) -> &[u32] {
         &self.parents

@@ -112,14 +112,14 @@ impl Problem<'_> {
                 let mut guessed = observations.to_vec();
                 self.set_noise(&mut guessed, guess);
                 let fitted = first.refit(EXPECTED_M, &guessed);
-                self.rescaled(&fitted, EXPECTED_COUNT, &guessed).evidence()
+                self.with_amplitude(&fitted, EXPECTED_COUNT, &guessed).evidence()
             });
             self.set_noise(observations, &noise);
         }
 
         let alone = first.refit(EXPECTED_M, observations);
-        let alone = self.rescaled(&alone, EXPECTED_COUNT, observations);
-        let alone = self.rescaled(&alone, EXPECTED_COUNT, observations);
+        let alone = self.with_amplitude(&alone, EXPECTED_COUNT, observations);
+        let alone = self.with_amplitude(&alone, EXPECTED_COUNT, observations);
         let process = self.with_symmetry(alone, touches, observations, before);
         let symmetry = process.prior().frame.symmetry;
         (process, Hyperparameters { noise, symmetry, axes: self.shape.body.base_from_template })
@@ -131,10 +131,10 @@ impl Problem<'_> {
         }
     }
 
-    /// The same process with the amplitude that its touches ask for, where what is expected of it
-    /// counts like so many of them. What was seen lies close together, and the template follows it:
-    /// that it is hardly displaced there says nothing about the other side.
-    fn rescaled(
+    /// The same process with the amplitude that its touches support, beside a prior with the weight of
+    /// `expected_count` of them. Visual points lie close together, and the template follows them: that
+    /// it is hardly displaced there says nothing about the other side.
+    fn with_amplitude(
         &self,
         process: &Displacement,
         expected_count: f64,
@@ -149,8 +149,8 @@ impl Problem<'_> {
         process.refit(variance_m2.sqrt().min(LARGEST_M), observations)
     }
 
-    /// Whether the template has the symmetry, or the caller vouches for it: what is alike on a body
-    /// that is not is so by chance.
+    /// Whether the template has the symmetry, or the caller vouches for it: on a body that has not,
+    /// displacements are correlated by chance only.
     fn is_possible(&self, symmetry: Symmetry) -> bool {
         self.declared.is_some() || self.shape.asymmetry_m(symmetry) < ASYMMETRY * self.shape.body.size_m()
     }
@@ -163,8 +163,8 @@ impl Problem<'_> {
         observations: &[Observation],
         before: Option<&Hyperparameters>,
     ) -> Displacement {
-        let is_wanted = self.stages.symmetry || self.declared.is_some();
-        if !is_wanted || touches < TOUCHES_FOR_SYMMETRY {
+        let is_estimated = self.stages.symmetry || self.declared.is_some();
+        if !is_estimated || touches < TOUCHES_FOR_SYMMETRY {
             return alone;
         }
         let same = before
@@ -174,10 +174,10 @@ impl Problem<'_> {
             Some(symmetry) if !self.extras.symmetry => vec![symmetry],
             _ => Symmetry::candidates(self.declared),
         };
-        // What the caller vouches for needs no further evidence.
+        // A declared symmetry needs no further evidence.
         let margin =
             if self.declared.is_some() { f64::NEG_INFINITY } else { (BAYES_FACTOR * HYPOTHESES).ln() };
-        let compared = |process: &Displacement| self.rescaled(process, COMPARED_COUNT, observations);
+        let compared = |process: &Displacement| self.with_amplitude(process, COMPARED_COUNT, observations);
         let plain = compared(&compared(&alone));
         let processes = candidates
             .into_iter()
@@ -187,7 +187,7 @@ impl Problem<'_> {
             Some(best) => {
                 let best = compared(&compared(&best));
                 if best.evidence() > plain.evidence() + margin {
-                    self.rescaled(&best, EXPECTED_COUNT, observations)
+                    self.with_amplitude(&best, EXPECTED_COUNT, observations)
                 } else {
                     alone
                 }

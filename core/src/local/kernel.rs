@@ -17,10 +17,10 @@ const NORMAL_WEIGHT: f64 = 1.5;
 /// Kernels that are evaluated at a time.
 const LANES: usize = 8;
 
-/// Adds `variance` times the correlation of every known place (row) with every queried place
+/// Adds `variance` times the correlation of every known point (row) with every queried one
 /// (column).
 ///
-/// In single precision, eight known places at a time, and relative to one of them, so that nothing
+/// In single precision, eight known points at a time, and relative to one of them, so that nothing
 /// is lost far from the frame's origin.
 pub(super) fn add_covariances(
     cross: &mut Mat<f32>,

@@ -21,7 +21,7 @@ const FACTORS: (f64, f64) = (0.5, 8.0);
 /// What an octave away from the expected noise costs, in nats.
 const OCTAVE_COST: f64 = 3.0;
 
-/// Noise of the senses, as factors of what is expected of them.
+/// Noise of camera and pad, as factors of what is expected of them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Noise {
     vision: f64,

@@ -43,7 +43,7 @@ pub struct Prior {
 }
 
 impl Prior {
-    /// The shares of the variance that are a place's own and that of all places alike.
+    /// The shares of the variance that are a point's own and that are common to symmetric points.
     fn shares(&self) -> (f64, f64) {
         let share = if self.frame.symmetry == Symmetry::None { 0.0 } else { SYMMETRIC_SHARE };
         (1.0 - share, share)
@@ -55,11 +55,11 @@ impl Prior {
         (own * self.amplitude_m.powi(2), shared * self.amplitude_m.powi(2))
     }
 
-    /// Covariances of displacements at some places with what they fold to (rows) and at others
-    /// (columns), in square metres.
+    /// Covariances of displacements at some points, given with their representatives (rows), and at
+    /// others (columns), in square metres.
     fn covariance(
         &self,
-        (rows, folded): (&[SurfacePoint], &[SurfacePoint]),
+        (rows, representatives): (&[SurfacePoint], &[SurfacePoint]),
         columns: &[SurfacePoint],
     ) -> Mat<f32> {
         let (own, shared) = self.variances();
@@ -68,7 +68,7 @@ impl Prior {
         if shared > 0.0 {
             add_covariances(
                 &mut covariance,
-                folded,
+                representatives,
                 &self.frame.representatives(columns),
                 self.length_m,
                 shared,
@@ -83,37 +83,37 @@ impl Prior {
     }
 }
 
-/// The places of some measurements and how alike they are: it depends neither on how large
-/// displacements are nor on how noisy the measurements.
+/// The points of some measurements and their correlations, which depend neither on the amplitude
+/// nor on the noise.
 #[derive(Debug)]
 struct Gram {
-    places: Vec<SurfacePoint>,
-    folded: Vec<SurfacePoint>,
-    /// Correlations of the places themselves, whatever the symmetry.
-    unfolded: Arc<Mat<f32>>,
+    points: Vec<SurfacePoint>,
+    representatives: Vec<SurfacePoint>,
+    /// Correlations of the points themselves, whatever the symmetry.
+    plain: Arc<Mat<f32>>,
     /// Correlations with the share of the symmetry.
     correlation: Arc<Mat<f32>>,
 }
 
 impl Gram {
     fn new(prior: &Prior, observations: &[Observation]) -> Self {
-        let places: Vec<SurfacePoint> = observations.iter().map(|o| o.at).collect();
-        let mut unfolded = Mat::zeros(places.len(), places.len());
-        add_covariances(&mut unfolded, &places, &places, prior.length_m, 1.0);
-        Self::symmetric(prior, places, Arc::new(unfolded))
+        let points: Vec<SurfacePoint> = observations.iter().map(|o| o.at).collect();
+        let mut plain = Mat::zeros(points.len(), points.len());
+        add_covariances(&mut plain, &points, &points, prior.length_m, 1.0);
+        Self::symmetric(prior, points, Arc::new(plain))
     }
 
-    fn symmetric(prior: &Prior, places: Vec<SurfacePoint>, unfolded: Arc<Mat<f32>>) -> Self {
-        let folded = prior.frame.representatives(&places);
+    fn symmetric(prior: &Prior, points: Vec<SurfacePoint>, plain: Arc<Mat<f32>>) -> Self {
+        let representatives = prior.frame.representatives(&points);
         let (own, shared) = prior.shares();
         let correlation = if shared > 0.0 {
-            let mut correlation = unfolded.as_ref() * Scale(own as f32);
-            add_covariances(&mut correlation, &folded, &folded, prior.length_m, shared);
+            let mut correlation = plain.as_ref() * Scale(own as f32);
+            add_covariances(&mut correlation, &representatives, &representatives, prior.length_m, shared);
             Arc::new(correlation)
         } else {
-            Arc::clone(&unfolded)
+            Arc::clone(&plain)
         };
-        Self { places, folded, unfolded, correlation }
+        Self { points, representatives, plain, correlation }
     }
 }
 
@@ -134,8 +134,8 @@ impl Displacement {
         Self::conditioned(prior, Arc::new(Gram::new(&prior, observations)), observations)
     }
 
-    /// The same process for displacements of another size, or for measurements at the same places
-    /// with another noise.
+    /// The same process with another amplitude, or for measurements at the same points with another
+    /// noise.
     pub fn refit(&self, amplitude_m: f64, observations: &[Observation]) -> Self {
         Self::conditioned(Prior { amplitude_m, ..self.prior }, Arc::clone(&self.gram), observations)
     }
@@ -143,7 +143,7 @@ impl Displacement {
     /// The same process under another symmetry.
     pub fn with_symmetry(&self, frame: SymmetryFrame, observations: &[Observation]) -> Self {
         let prior = Prior { frame, ..self.prior };
-        let gram = Gram::symmetric(&prior, self.gram.places.clone(), Arc::clone(&self.gram.unfolded));
+        let gram = Gram::symmetric(&prior, self.gram.points.clone(), Arc::clone(&self.gram.plain));
         Self::conditioned(prior, Arc::new(gram), observations)
     }
 
@@ -214,33 +214,33 @@ impl Displacement {
         observation.noise_m.powi(2) + self.prior.jitter()
     }
 
-    /// The expected displacements at some places, in metres.
-    pub fn means_m(&self, places: &[SurfacePoint]) -> Vec<f64> {
-        self.weighted(&self.cross(places))
+    /// The expected displacements at some points, in metres.
+    pub fn means_m(&self, points: &[SurfacePoint]) -> Vec<f64> {
+        self.weighted(&self.cross(points))
     }
 
-    /// Expected displacements and their standard deviations at many places, in metres.
-    pub fn predict(&self, places: &[SurfacePoint]) -> (Vec<f64>, Vec<f64>) {
+    /// Expected displacements and their standard deviations at many points, in metres.
+    pub fn predict(&self, points: &[SurfacePoint]) -> (Vec<f64>, Vec<f64>) {
         let (own, shared) = self.prior.variances();
-        let cross = self.cross(places);
+        let cross = self.cross(points);
         let means = self.weighted(&cross);
         let explained = self.explained(cross);
         let left = |column: usize| own + shared - f64::from(explained.col(column).squared_norm_l2());
-        let deviations = (0..places.len()).map(|column| left(column).max(0.0).sqrt()).collect();
+        let deviations = (0..points.len()).map(|column| left(column).max(0.0).sqrt()).collect();
         (means, deviations)
     }
 
-    /// Covariances that are left between the displacements at some places (rows) and at others
-    /// (columns), in square metres: what a touch at one place says about another.
+    /// Covariances that are left between the displacements at some points (rows) and at others
+    /// (columns), in square metres: what a touch at one point says about another.
     pub fn covariance(&self, rows: &[SurfacePoint], columns: &[SurfacePoint]) -> Mat<f32> {
         let before = self.prior.covariance((rows, &self.prior.frame.representatives(rows)), columns);
-        let explained = |places: &[SurfacePoint]| self.explained(self.cross(places));
+        let explained = |points: &[SurfacePoint]| self.explained(self.cross(points));
         before - explained(rows).transpose() * explained(columns)
     }
 
-    /// Covariances of the measurements (rows) with the displacements at some places (columns).
-    fn cross(&self, places: &[SurfacePoint]) -> Mat<f32> {
-        self.prior.covariance((&self.gram.places, &self.gram.folded), places)
+    /// Covariances of the measurements (rows) with the displacements at some points (columns).
+    fn cross(&self, points: &[SurfacePoint]) -> Mat<f32> {
+        self.prior.covariance((&self.gram.points, &self.gram.representatives), points)
     }
 
     fn weighted(&self, cross: &Mat<f32>) -> Vec<f64> {
@@ -342,9 +342,12 @@ mod tests {
         let fresh = Displacement::fit(larger, &noisier);
         let again = Displacement::fit(prior(Symmetry::Revolution(0)), &seen).refit(0.02, &noisier);
         assert_eq!((fresh.evidence(), &fresh.weights), (again.evidence(), &again.weights));
-        let folded = Displacement::fit(prior(Symmetry::None), &seen).refit(0.02, &noisier);
-        let folded = folded.with_symmetry(larger.frame, &noisier);
-        assert_eq!((fresh.evidence(), &fresh.weights), (folded.evidence(), &folded.weights));
+        let representatives = Displacement::fit(prior(Symmetry::None), &seen).refit(0.02, &noisier);
+        let representatives = representatives.with_symmetry(larger.frame, &noisier);
+        assert_eq!(
+            (fresh.evidence(), &fresh.weights),
+            (representatives.evidence(), &representatives.weights)
+        );
     }
 
     #[test]

@@ -10,15 +10,15 @@ use crate::symmetry::SymmetryFrame;
 #[derive(Clone, Debug)]
 pub struct VertexProcess {
     process: Displacement,
-    places: Vec<SurfacePoint>,
+    points: Vec<SurfacePoint>,
     deviations_m: Vec<f64>,
 }
 
 impl VertexProcess {
-    /// The process with, for each vertex, the place on the template that it was displaced from and
+    /// The process with, for each vertex, the point of the template that it was displaced from and
     /// the process's deviation there, in metres.
-    pub fn new(process: Displacement, places: Vec<SurfacePoint>, deviations_m: Vec<f64>) -> Self {
-        Self { process, places, deviations_m }
+    pub fn new(process: Displacement, points: Vec<SurfacePoint>, deviations_m: Vec<f64>) -> Self {
+        Self { process, points, deviations_m }
     }
 
     /// The symmetry that the process assumes.
@@ -28,10 +28,10 @@ impl VertexProcess {
 
     /// Correlations that are left between some vertices (rows) and others (columns), in [-1, 1].
     pub fn correlation(&self, rows: &[u32], columns: &[u32]) -> Mat<f32> {
-        let places = |vertices: &[u32]| -> Vec<SurfacePoint> {
-            vertices.iter().map(|&vertex| self.places[vertex as usize]).collect()
+        let points = |vertices: &[u32]| -> Vec<SurfacePoint> {
+            vertices.iter().map(|&vertex| self.points[vertex as usize]).collect()
         };
-        let mut correlation = self.process.covariance(&places(rows), &places(columns));
+        let mut correlation = self.process.covariance(&points(rows), &points(columns));
         let deviation_m = |vertex: u32| self.deviations_m[vertex as usize];
         for (row, &from) in rows.iter().enumerate() {
             for (column, &to) in columns.iter().enumerate() {

@@ -10,6 +10,16 @@ use super::superquadric::Superquadric;
 use crate::geometry::{Icosphere, Point, TriangleMesh, Vector};
 use crate::symmetry::Symmetry;
 
+/// Points that are tried as the hub between the body and another part.
+const HUB_STEPS: u32 = 20;
+/// The hub lies at least this deep in the body, by its gauge.
+const HUB_DEPTH: f64 = 0.05;
+/// Where no point is in all parts: a depth in the body beyond this counts no further,
+const ENOUGH_DEPTH: f64 = 0.3;
+/// and nearness to the other parts decides, with this weight.
+const NEARNESS: f64 = 0.01;
+/// Exponents below this look square.
+const SQUARE_BELOW: f64 = 0.5;
 /// What lies deeper in the union than this is not its surface, in metres.
 const VISIBLE_M: f64 = 1e-6;
 
@@ -34,7 +44,7 @@ impl Compound {
     }
 
     /// How far it is from having a symmetry about the axes of its body: the mean distance from the
-    /// surface of what the symmetry should leave on it, in metres, under the worst of its motions.
+    /// surface of points that the symmetry should leave on it, in metres, under its worst motion.
     pub(crate) fn asymmetry_m(&self, symmetry: Symmetry) -> f64 {
         let directions = &Icosphere::get(1).directions;
         let points =
@@ -54,9 +64,9 @@ impl Compound {
     /// What it looks like, in a word.
     pub fn family(&self) -> &'static str {
         match (self.others.len(), self.body.exponents) {
-            (0, [e1, e2]) if e1 < 0.5 && e2 < 0.5 => "box",
-            (0, [e1, _]) if e1 < 0.5 => "cylinder",
-            (0, [_, e2]) if e2 < 0.5 => "prism",
+            (0, [e1, e2]) if e1 < SQUARE_BELOW && e2 < SQUARE_BELOW => "box",
+            (0, [e1, _]) if e1 < SQUARE_BELOW => "cylinder",
+            (0, [_, e2]) if e2 < SQUARE_BELOW => "prism",
             (0, _) => "ellipsoid",
             (1, _) => "compound of 2",
             _ => "compound of 3",
@@ -85,13 +95,15 @@ impl Compound {
     fn hub(&self) -> Point {
         let mut best = (f64::NEG_INFINITY, self.body.centre);
         for other in &self.others {
-            for step in 0..=20 {
-                let at = self.body.centre + (other.centre - self.body.centre) * (f64::from(step) / 20.0);
+            for step in 0..=HUB_STEPS {
+                let at = self.body.centre
+                    + (other.centre - self.body.centre) * (f64::from(step) / f64::from(HUB_STEPS));
                 let in_body = 1.0 - self.body.gauge(&at);
                 let in_all = self.parts().map(|part| 1.0 - part.gauge(&at)).fold(f64::INFINITY, f64::min);
                 // Where no point is in all parts, one in the body and near the others has to do.
-                let depth = if in_all > 0.0 { 1.0 + in_all } else { in_body.min(0.3) + 0.01 * in_all };
-                if in_body > 0.05 && depth > best.0 {
+                let depth =
+                    if in_all > 0.0 { 1.0 + in_all } else { in_body.min(ENOUGH_DEPTH) + NEARNESS * in_all };
+                if in_body > HUB_DEPTH && depth > best.0 {
                     best = (depth, at);
                 }
             }

@@ -18,6 +18,9 @@ pub(super) type Covariance = SMatrix<f64, 11, 11>;
 /// patch, rotation in radians, exponents.
 const EXPECTED_DEVIATION: [f64; 11] = [1.0, 1.0, 1.0, 0.5, 0.5, 0.5, 1.0, 1.0, 1.0, 0.3, 0.3];
 
+/// Information about what a limb is not free to do: so much that nothing of it comes back.
+const HELD: f64 = 1e9;
+
 impl Part {
     /// What the points of the surface that this part is nearest to say about its parameters.
     fn information(&self, data: &FitData, others: &Distances) -> Freedom {
@@ -37,8 +40,7 @@ impl Part {
         let expected = Freedom::from_diagonal(&Row::from(EXPECTED_DEVIATION.map(|d| d.powi(-2))));
         let information = self.information(data, others) / variance + expected;
         let freedom = self.freedom();
-        // What is not free gets an information so large that nothing of it comes back.
-        let held = (Freedom::identity() - freedom) * 1e9;
+        let held = (Freedom::identity() - freedom) * HELD;
         let inverse = (freedom * information * freedom + held).cholesky().map(|factor| factor.inverse());
         inverse.map_or(Freedom::zeros(), |covariance| freedom * covariance * freedom)
     }

@@ -15,7 +15,7 @@ pub(super) struct Field<'a> {
 }
 
 impl Part {
-    /// Its signed distance, to be asked for at many points.
+    /// Its signed distance, to be evaluated at many points.
     pub(super) fn field(&self) -> Field<'_> {
         let inverse_axes = self.log_axes.map(|p| (-p).exp());
         Field { part: self, axes: self.log_axes.map(f64::exp), inverse_axes }

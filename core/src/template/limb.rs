@@ -1,4 +1,4 @@
-//! A limb: a part that stays on an axis of its host, such as a neck on a bottle.
+//! A limb: a part that stays on an axis of its host, the first part, such as a neck on a bottle.
 //!
 //! It reaches from the middle of its host out through one of its ends, and turns with it. Five
 //! parameters are left to it instead of eleven, so far fewer touches are enough to tell it from the

@@ -1,7 +1,7 @@
 //! Which template: the selection "in real time" that the paper leaves to the future.
 //!
-//! Every fit goes on from the one before; in its turn it also starts afresh from an ellipsoid, a
-//! cylinder about each axis and a box, or tries whether one part more explains the evidence
+//! Every fit goes on from the one before; some ([`Extras`]) also start afresh from an ellipsoid, a
+//! cylinder about each axis, a box and a slab, or try whether another part explains the evidence
 //! better. Parts are counted by the Bayesian information criterion, with some hysteresis, so that
 //! the template does not change with every touch.
 
@@ -22,10 +22,12 @@ use crate::fingerprint::Fingerprint;
 use crate::geometry::{Point, Vector};
 use crate::schedule::Extras;
 
+/// More parts cannot be told apart by 50 touches.
 const MOST_PARTS: usize = 3;
+/// Steps of the very first fit, which starts from a sphere, and of every later one.
 const FIRST_STEPS: usize = 60;
 const STEPS: usize = 15;
-/// A fresh start has to lower the cost of the best so far to this share of it.
+/// A new start has to lower the cost of the best so far to this share of it.
 const CLEARLY_LOWER: f64 = 0.98;
 /// Another number of parts has to be this much better, in units of the criterion.
 const CLEARLY_BETTER: f64 = 2.0;
@@ -33,7 +35,7 @@ const CLEARLY_BETTER: f64 = 2.0;
 /// ones, and when it is one of many new ones.
 const FULL: Effort = Effort { sweeps: 2, steps: 5 };
 const QUICK: Effort = Effort { sweeps: 1, steps: 3 };
-/// So many new templates are fitted to the end.
+/// This many new templates are fitted to the end.
 const FINALISTS: usize = 4;
 
 /// A fit of the compound template, with what the next one goes on from.

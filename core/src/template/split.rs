@@ -1,4 +1,4 @@
-//! Splits: how a template may come to have one part more.
+//! Splits: ways to split a part in two.
 //!
 //! An end of a part becomes a part of its own, along any of its axes. It is either free, or a limb
 //! that stays on the axis.
@@ -6,13 +6,14 @@
 use super::fit_data::FitData;
 use super::part::{Along, Part, cycle};
 use super::patch_frame::clamp_log_size;
+use super::superquadric::LIMB;
 use crate::geometry::Vector;
 
 /// A free end begins beyond this share of the semi-axis.
 const SPLIT_AT: f64 = 0.4;
 /// Limbs are tried from each of these shares on.
 const LIMBS_FROM: [f64; 3] = [0.0, 0.4, 0.7];
-/// Fewer points say nothing about an end.
+/// Fewer points do not determine an end.
 const LEAST_POINTS: usize = 4;
 /// The least half width of an end, in lengths of the patch.
 const LEAST_HALF: f64 = 0.05;
@@ -62,7 +63,7 @@ fn split_limb(part: &Part, axis: usize, side: f64, from: f64, data: &FitData) ->
     let half = Vector::new(farthest[first], farthest[second], 0.5 * tip);
     let end = Part {
         log_axes: half.map(|a| clamp_log_size(a.ln())),
-        exponents: [0.5, 1.0],
+        exponents: LIMB,
         along: Some(Along { axis, side }),
         ..part.clone()
     };

@@ -5,6 +5,7 @@ use nalgebra::Rotation3;
 
 use super::part::Part;
 use super::patch_frame::{PatchFrame, clamp_log_size, principal_axis};
+use super::superquadric::{BOX, CYLINDER, SLAB};
 use crate::evidence::attractor::{Attractor, Sense};
 use crate::geometry::Vector;
 
@@ -15,8 +16,8 @@ const SLAB_WIDTH: (f64, f64) = (0.3, std::f64::consts::E);
 
 /// The cylinders and the box.
 pub(super) fn squared(ellipsoid: &Part) -> impl Iterator<Item = Part> {
-    let cylinders = (0..3).map(|axis| ellipsoid.squared(axis, [0.2, 1.0]));
-    cylinders.chain([ellipsoid.squared(2, [0.2, 0.2])])
+    let cylinders = (0..3).map(|axis| ellipsoid.squared(axis, CYLINDER));
+    cylinders.chain([ellipsoid.squared(2, BOX)])
 }
 
 /// A plate, round or square, whose face is the patch: from a thicker body no fit comes down to it,
@@ -32,7 +33,7 @@ pub(super) fn slab(ellipsoid: &Part, attractors: &[Attractor], frame: &PatchFram
         centre: inwards * SLAB_HALF,
         log_axes: Vector::new(width, width, SLAB_HALF).map(f64::ln),
         rotation: Rotation3::from_basis_unchecked(&[widest, inwards.cross(&widest), inwards]),
-        exponents: [0.2, 0.6],
+        exponents: SLAB,
         along: None,
     }
 }

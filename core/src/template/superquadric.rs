@@ -7,6 +7,12 @@ use nalgebra::Rotation3;
 
 use crate::geometry::{Icosphere, Point, TriangleMesh, Vector};
 
+/// Exponents of a cylinder about the third axis, of a box, of a round plate, and of a limb to begin
+/// with: `e1` along the axis, `e2` across it.
+pub(super) const CYLINDER: [f64; 2] = [0.2, 1.0];
+pub(super) const BOX: [f64; 2] = [0.2, 0.2];
+pub(super) const SLAB: [f64; 2] = [0.2, 0.6];
+pub(super) const LIMB: [f64; 2] = [0.5, 1.0];
 /// Added to the size of every coordinate: keeps the logarithms finite on the planes of symmetry.
 const GUARD: f64 = 1e-6;
 const LEAST_SUM: f64 = 1e-300;

@@ -12,15 +12,17 @@ use crate::geometry::{Icosphere, Point};
 
 /// Below this distance the criterion sees no difference, in metres: sensors are no better.
 const RESOLUTION_M: f64 = 0.0007;
-/// A new part may reach this share of the evidence's diagonal away from all evidence.
+/// A new part may extend at most this share of the data's diagonal beyond the data,
 const UNSUPPORTED: f64 = 0.13;
+/// and half as far beyond the template of one part.
+const BEYOND_SINGLE: f64 = 0.5;
 
 /// How thoroughly a union is fitted.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Effort {
-    /// How often each part has its turn.
+    /// How often all parts are fitted, one after the other.
     pub(super) sweeps: usize,
-    /// How many steps its fit then takes.
+    /// Steps of each fit.
     pub(super) steps: usize,
 }
 
@@ -97,7 +99,7 @@ impl Union {
                 |(other, shape): (usize, &Superquadric)| other == k || shape.distance_m(point) > 0.0;
             shapes.iter().enumerate().all(outside)
                 && data.nearest(&point.coords) > far
-                && single.distance_m(point) > 0.5 * far
+                && single.distance_m(point) > BEYOND_SINGLE * far
         };
         let directions = &Icosphere::get(2).directions;
         !shapes.iter().enumerate().skip(1).any(|(k, shape)| {
@@ -112,7 +114,7 @@ impl Union {
         Compound { body: others.remove(0), others }
     }
 
-    /// Unions with one part more, which may be a limb where `limbs` says so.
+    /// Unions with another part, which may be a limb where `limbs` says so.
     pub(super) fn splits(&self, data: &FitData, limbs: bool) -> Vec<Self> {
         let mut found = Vec::new();
         for (k, part) in self.parts.iter().enumerate() {
