@@ -96,16 +96,33 @@ impl Default for Stages {
     }
 }
 
-/// When a session should end; a rule that is `None` never ends it, but for failures in a row.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// Attempts of a session where no budget is configured: as many as the paper's explorations take.
+pub const ATTEMPTS: u32 = 50;
+/// Mean uncertainty below which an object counts as covered where no rule is configured: at 20 mm for
+/// each touch a small object is known to a fraction of a millimetre by then.
+const COVERED_BELOW: f64 = 0.25;
+
+/// When a session should end; a rule that is `None` never ends it, but for failures in a row. It is
+/// advice, and changes no estimate.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StopRule {
-    /// Attempts, failures included.
+    /// Attempts, failures included; the uniform strategy spreads its directions over them.
     pub max_attempts: Option<u32>,
     /// Mean vertex uncertainty in [0, 1] below which the object counts as covered.
     pub mean_uncertainty_below: Option<f64>,
     /// Failures in a row after which the exploration counts as stalled; `None` for the method's own:
     /// 50 in [`Method::Palpate`], never in [`Method::Paper`].
     pub max_consecutive_failures: Option<u32>,
+}
+
+impl Default for StopRule {
+    fn default() -> Self {
+        Self {
+            max_attempts: Some(ATTEMPTS),
+            mean_uncertainty_below: Some(COVERED_BELOW),
+            max_consecutive_failures: None,
+        }
+    }
 }
 
 /// Parameters as a caller writes them; [`Config::new`] checks them.

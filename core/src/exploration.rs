@@ -17,7 +17,7 @@ mod situation;
 mod template_error;
 mod travel;
 
-pub use keep_out::KeepOut;
+pub use keep_out::{KeepOut, Region};
 pub use proposal::{Candidate, Excluded, Proposal, ProposalRequest, ScoreTerm};
 pub use risk::RiskLaw;
 pub use situation::{Deviations, Situation};
@@ -36,7 +36,8 @@ pub fn propose(situation: &Situation<'_>, request: &ProposalRequest) -> Proposal
     let reachable: Vec<u32> = (0..situation.mesh.vertices.len() as u32)
         .filter(|&vertex| {
             let (start, end) = situation.probe_segment(vertex as usize);
-            let blocked = request.keep_out().iter().any(|region| region.blocks(&start, &end));
+            let blocked =
+                request.keep_out().iter().any(|region| region.blocks(&start, &end, request.pad_radius_m()));
             excluded.keep_out += u32::from(blocked);
             !blocked
         })

@@ -12,6 +12,7 @@ use std::time::{Duration, Instant, SystemTime};
 
 use palpate_core::config::Config;
 use palpate_core::evidence::Evidence;
+use palpate_core::exploration::{KeepOut, Proposal, ProposalRequest};
 use palpate_core::geometry::Pose;
 use palpate_core::reconstruction::{Reconstruction, Stats, StopReason, Update};
 
@@ -30,6 +31,8 @@ pub(crate) struct Definition {
     pub(crate) config: Config,
     /// The probe's declared pads.
     pub(crate) sensors: Vec<Sensor>,
+    /// Regions that no approach may enter.
+    pub(crate) keep_out: Vec<KeepOut>,
     /// Microseconds since 1970, UTC.
     pub(crate) created_us: i64,
 }
@@ -134,6 +137,14 @@ impl Snapshot {
     /// The same state, set aside because the event `revision` cannot be replayed on it.
     pub(crate) fn quarantined(self, revision: i64) -> Self {
         Self { revision, life: Life::Quarantined, ..self }
+    }
+
+    /// Where to touch next, away from what the session must keep out of, for its pad.
+    pub(crate) fn propose(&self, wanted: &ProposalRequest) -> Proposal {
+        let Definition { keep_out, sensors, .. } = &*self.definition;
+        let pad_half_side_m = sensors.first().map_or(DEFAULT_PAD_HALF_SIDE_M, |pad| pad.pad_half_side_m);
+        let request = wanted.clone().keeping_out_of(keep_out.clone()).for_pad(pad_half_side_m);
+        self.reconstruction.propose(&request)
     }
 
     /// Changes with every event, and differs from that of an earlier session of the same id.

@@ -8,10 +8,8 @@ use super::proposal::{Excluded, ScoreTerm};
 use super::ranking::{Ranked, Ranking};
 use super::rng::{Use, generator};
 use super::situation::Situation;
+use crate::config::ATTEMPTS;
 use crate::geometry::Vector;
-
-/// Directions of the uniform strategy where no budget of attempts is configured.
-const DIRECTIONS: u32 = 50;
 
 /// The vertex of the highest uncertainty; ties by the seeded generator (Section IV-B, minU).
 pub(super) fn min_uncertainty(situation: &Situation<'_>, reachable: &[u32]) -> Ranking<'static> {
@@ -27,7 +25,7 @@ pub(super) fn min_uncertainty(situation: &Situation<'_>, reachable: &[u32]) -> R
 
 /// Evenly spread directions from the template's centre, fixed before the first touch.
 pub(super) fn uniform(situation: &Situation<'_>, reachable: &[u32]) -> Ranking<'static> {
-    let count = situation.config.stop.max_attempts.unwrap_or(DIRECTIONS).max(1);
+    let count = situation.config.stop.max_attempts.unwrap_or(ATTEMPTS).max(1);
     let mut order: Vec<u32> = (0..count).collect();
     order.shuffle(&mut generator(situation.config.seed, Use::Directions, 0));
     let number = situation.ledger.tallies.attempts % count;

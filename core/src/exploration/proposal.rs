@@ -10,6 +10,7 @@ use crate::geometry::{Direction, Point};
 pub struct ProposalRequest {
     top_k: usize,
     keep_out: Vec<KeepOut>,
+    pad_half_side_m: f64,
     tool: Option<Point>,
 }
 
@@ -19,9 +20,16 @@ impl ProposalRequest {
         Self { top_k, ..Self::default() }
     }
 
-    /// The same where the probe must not enter some regions.
-    pub fn keeping_out_of(self, keep_out: Vec<KeepOut>) -> Self {
-        Self { keep_out, ..self }
+    /// The same where the probe must not enter some regions, beside those named before.
+    pub fn keeping_out_of(mut self, keep_out: Vec<KeepOut>) -> Self {
+        self.keep_out.extend(keep_out);
+        self
+    }
+
+    /// The same for a square pad, across the approach, of half this side in metres: no part of it may
+    /// enter a region. A point without it.
+    pub fn for_pad(self, pad_half_side_m: f64) -> Self {
+        Self { pad_half_side_m, ..self }
     }
 
     /// The same with the tool at a place, in metres, from which the path to a candidate counts.
@@ -43,6 +51,16 @@ impl ProposalRequest {
         &self.keep_out
     }
 
+    /// Radius of the disc around the pad, in metres.
+    pub(super) fn pad_radius_m(&self) -> f64 {
+        std::f64::consts::SQRT_2 * self.pad_half_side_m
+    }
+
+    /// Whether some region is named.
+    pub fn keeps_out(&self) -> bool {
+        !self.keep_out.is_empty()
+    }
+
     /// Where the tool is, if that is to count, in metres.
     pub(super) fn tool(&self) -> Option<Point> {
         self.tool
@@ -53,6 +71,7 @@ impl ProposalRequest {
         Self {
             top_k: self.top_k,
             keep_out: self.keep_out.iter().map(|region| region.entered(frame)).collect(),
+            pad_half_side_m: self.pad_half_side_m,
             tool: self.tool.as_ref().map(|tool| frame.exact_point(tool)),
         }
     }

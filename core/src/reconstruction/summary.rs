@@ -83,10 +83,10 @@ impl Reconstruction {
             Some(StopReason::Diverged)
         } else if rule.mean_uncertainty_below.is_some_and(|below| stats.mean_uncertainty < below) {
             Some(StopReason::Coverage)
-        } else if rule.max_attempts.is_some_and(|most| stats.attempts >= most) {
-            Some(StopReason::Budget)
         } else if most_failures.is_some_and(|most| stats.consecutive_failures >= most) {
             Some(StopReason::Stalled)
+        } else if rule.max_attempts.is_some_and(|most| stats.attempts >= most) {
+            Some(StopReason::Budget)
         } else if self.is_exhausted() {
             Some(StopReason::NoAdmissibleCandidate)
         } else {

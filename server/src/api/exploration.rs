@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use palpate_core::evidence::Evidence;
-use palpate_core::exploration::ProposalRequest;
+use palpate_core::exploration::{self, ProposalRequest};
 use palpate_proto::v1;
 use palpate_proto::v1::event::Kind;
 use prost::Message;
@@ -176,6 +176,7 @@ fn absorb_prior(
         dropped_points: dropped,
         candidates: next_candidates(&after, wanted),
         warnings: update.warnings,
+        should_stop: to_proto::stop_reason(after.should_stop).into(),
     };
     Ok(Step { reply: reply.encode_to_vec(), after })
 }
@@ -204,6 +205,7 @@ fn absorb_result(
         max_vertex_move_m: update.max_vertex_move_m,
         candidates: next_candidates(&after, wanted),
         warnings: update.warnings,
+        should_stop: to_proto::stop_reason(after.should_stop).into(),
     };
     Ok(Step { reply: reply.encode_to_vec(), after })
 }
@@ -212,11 +214,11 @@ fn next_candidates(after: &Snapshot, wanted: &ProposalRequest) -> Vec<v1::Candid
     if wanted.top_k() == 0 {
         return Vec::new();
     }
-    to_proto::candidates(after, &after.reconstruction.propose(wanted).candidates)
+    to_proto::candidates(after, &after.propose(wanted).candidates)
 }
 
 fn proposal(snapshot: &Snapshot, request: &ProposalRequest) -> v1::ProposeContactsResponse {
-    let proposal = snapshot.reconstruction.propose(request);
+    let proposal = snapshot.propose(request);
     let mut should_stop = to_proto::stop_reason(snapshot.should_stop);
     if proposal.candidates.is_empty() && snapshot.should_stop.is_none() {
         // The session would go on, but not within what this robot must keep away from.
@@ -227,7 +229,32 @@ fn proposal(snapshot: &Snapshot, request: &ProposalRequest) -> v1::ProposeContac
         candidates: to_proto::candidates(snapshot, &proposal.candidates),
         excluded: Some(to_proto::excluded(&proposal.excluded)),
         should_stop: should_stop.into(),
+        warnings: below_object(snapshot, request, &proposal.candidates),
     }
+}
+
+/// Warns of an approach that begins below all of the object where nothing says what it stands on.
+/// Heights are along z, up in nearly every robot's base frame.
+fn below_object(
+    snapshot: &Snapshot,
+    request: &ProposalRequest,
+    candidates: &[exploration::Candidate],
+) -> Vec<String> {
+    if request.keeps_out() || !snapshot.definition.keep_out.is_empty() {
+        return Vec::new();
+    }
+    let lowest_m = snapshot.reconstruction.surface().map_or(f64::NEG_INFINITY, |surface| {
+        surface.mesh.vertices.iter().map(|vertex| vertex.z).fold(f64::INFINITY, f64::min)
+    });
+    let lowest_start_m = candidates.iter().map(|c| c.probe_start.z).fold(f64::INFINITY, f64::min);
+    if lowest_start_m >= lowest_m {
+        return Vec::new();
+    }
+    vec![format!(
+        "an approach begins at z = {lowest_start_m:.3} m, below the object, and no table was declared: if the \
+         object stands on one at height h, create the session with \
+         config.keep_out [{{half_space: {{normal: {{z: 1}}, offset_m: h}}}}]"
+    )]
 }
 
 fn refused(path: &str, error: palpate_core::error::Error) -> Error {

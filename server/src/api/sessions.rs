@@ -41,7 +41,7 @@ impl Api {
                         v1::CreateSessionRequest { session_id: session_id.to_owned(), ..request.clone() };
                     let definition = from_proto::definition(&request, now_us, &limits)?;
                     // The log keeps the defaults of today, so that those of tomorrow change nothing.
-                    request.config = Some(to_proto::session_config(&definition.config, &definition.sensors));
+                    request.config = Some(to_proto::session_config(&definition));
                     request.frame_id.clone_from(&definition.frame_id);
                     let event = event::encode(Kind::Created(request));
                     Ok((Snapshot::created(Arc::new(definition)), event))

@@ -1,9 +1,9 @@
 //! From values to messages.
 
 use nalgebra::{Rotation3, Translation3, UnitQuaternion};
-use palpate_core::config::{Config, DeclaredSymmetry, Method, Settings, StopRule, Strategy};
+use palpate_core::config::{DeclaredSymmetry, Method, Settings, StopRule, Strategy};
 use palpate_core::evidence::Target;
-use palpate_core::exploration;
+use palpate_core::exploration::{self, KeepOut, Region};
 use palpate_core::geometry::{Direction, Point, Pose, Vector};
 use palpate_core::reconstruction::{ALGORITHM_VERSION, Stats, StopReason};
 use palpate_proto::{Duration, Timestamp, v1};
@@ -35,15 +35,24 @@ pub(crate) fn timestamp(us: i64) -> Timestamp {
 
 /// The session as callers see it.
 pub(crate) fn session(snapshot: &Snapshot) -> v1::Session {
-    let Definition { session_id, display_name, experiment, frame_id, labels, config, sensors, created_us } =
-        &*snapshot.definition;
+    let Definition {
+        session_id,
+        display_name,
+        experiment,
+        frame_id,
+        labels,
+        config: _,
+        sensors: _,
+        keep_out: _,
+        created_us,
+    } = &*snapshot.definition;
     v1::Session {
         session_id: session_id.clone(),
         display_name: display_name.clone(),
         experiment: experiment.clone(),
         frame_id: frame_id.clone(),
         labels: labels.clone(),
-        config: Some(session_config(config, sensors)),
+        config: Some(session_config(&snapshot.definition)),
         state: state(snapshot.life).into(),
         revision: snapshot.revision,
         etag: snapshot.etag(),
@@ -58,7 +67,8 @@ pub(crate) fn session(snapshot: &Snapshot) -> v1::Session {
 }
 
 /// The configuration with every default written out, so that it means the same in a later version.
-pub(crate) fn session_config(config: &Config, sensors: &[Sensor]) -> v1::SessionConfig {
+pub(crate) fn session_config(definition: &Definition) -> v1::SessionConfig {
+    let Definition { config, sensors, keep_out, .. } = definition;
     let Settings {
         method: used_method,
         strategy: used_strategy,
@@ -97,9 +107,27 @@ pub(crate) fn session_config(config: &Config, sensors: &[Sensor]) -> v1::Session
         icosphere_subdivisions: Some(icosphere_subdivisions),
         seed: Some(seed),
         sensors: sensors.iter().map(sensor).collect(),
-        stop: Some(v1::StopRule { max_attempts, mean_uncertainty_below, max_consecutive_failures }),
+        // A rule that is off is written as zero: unset would mean its default.
+        stop: Some(v1::StopRule {
+            max_attempts: max_attempts.or(Some(0)),
+            mean_uncertainty_below: mean_uncertainty_below.or(Some(0.0)),
+            max_consecutive_failures,
+        }),
         symmetry: symmetry(declared_symmetry).into(),
+        keep_out: keep_out.iter().map(region).collect(),
     }
+}
+
+fn region(keep_out: &KeepOut) -> v1::KeepOut {
+    let shape = match *keep_out.region() {
+        Region::HalfSpace { normal, offset_m } => {
+            v1::keep_out::Shape::HalfSpace(v1::HalfSpace { normal: Some(vector(&normal)), offset_m })
+        }
+        Region::Ball { center, radius_m } => {
+            v1::keep_out::Shape::Ball(v1::Ball { center: Some(point(&center)), radius_m })
+        }
+    };
+    v1::KeepOut { shape: Some(shape) }
 }
 
 fn method(method: Method) -> v1::Method {

@@ -31,6 +31,8 @@ pub(super) fn config(config: &v1::SessionConfig, limits: &Limits) -> Result<(Con
         sensors: ref declared_sensors,
         stop: ref stop_rule,
         symmetry: declared_symmetry,
+        // The session's definition keeps them: the method does not know them.
+        keep_out: _,
     } = config;
     let default = Settings::default();
     let settings = Settings {
@@ -79,7 +81,16 @@ fn strategy(value: i32) -> Result<Strategy, Error> {
 
 fn stop(rule: &v1::StopRule) -> StopRule {
     let &v1::StopRule { max_attempts, mean_uncertainty_below, max_consecutive_failures } = rule;
-    StopRule { max_attempts, mean_uncertainty_below, max_consecutive_failures }
+    let default = StopRule::default();
+    // Zero switches a rule off.
+    let unless_zero = |count: &u32| *count > 0;
+    StopRule {
+        max_attempts: max_attempts.or(default.max_attempts).filter(unless_zero),
+        mean_uncertainty_below: mean_uncertainty_below
+            .or(default.mean_uncertainty_below)
+            .filter(|below| *below != 0.0),
+        max_consecutive_failures,
+    }
 }
 
 fn symmetry(value: i32) -> Result<Option<DeclaredSymmetry>, Error> {

@@ -6,6 +6,7 @@ use palpate_proto::v1;
 
 use super::check_text;
 use super::config::config;
+use super::robot::keep_out_regions;
 use crate::error::Error;
 use crate::limits::Limits;
 use crate::session::Definition;
@@ -36,7 +37,9 @@ pub(crate) fn definition(
     check_text("frame_id", frame_id, limits.name_bytes)?;
     check_text("request_id", request_id, limits.name_bytes)?;
     check_labels(labels, limits)?;
-    let (config, sensors) = config(&wanted_config.clone().unwrap_or_default(), limits)?;
+    let wanted_config = wanted_config.clone().unwrap_or_default();
+    let (config, sensors) = config(&wanted_config, limits)?;
+    let keep_out = keep_out_regions("config.keep_out", &wanted_config.keep_out, limits)?;
     let frame_id = if frame_id.is_empty() { DEFAULT_FRAME } else { frame_id };
     Ok(Definition {
         session_id: session_id.clone(),
@@ -46,6 +49,7 @@ pub(crate) fn definition(
         labels: labels.clone(),
         config,
         sensors,
+        keep_out,
         created_us,
     })
 }

@@ -32,14 +32,7 @@ pub(crate) fn exploration_request(
     check_text(&format!("{robot_field}.robot_id"), robot_id, limits.name_bytes)?;
     let tool_field = format!("{robot_field}.tool_pose");
     let tool_pose = tool_pose.as_ref().map(|tool| pose(&tool_field, Some(tool))).transpose()?;
-    if regions.len() > limits.keep_out {
-        let description = format!("{} regions are more than the limit of {}", regions.len(), limits.keep_out);
-        return Err(Error::field(format!("{robot_field}.keep_out"), description));
-    }
-    let regions = regions.iter().enumerate();
-    let keep_out = regions
-        .map(|(index, region)| keep_out(&format!("{robot_field}.keep_out[{index}]"), region))
-        .collect::<Result<_, _>>()?;
+    let keep_out = keep_out_regions(&format!("{robot_field}.keep_out"), regions, limits)?;
     let request = ProposalRequest::best(top_k as usize).keeping_out_of(keep_out);
     match tool_pose {
         None => Ok(request),
@@ -48,6 +41,23 @@ pub(crate) fn exploration_request(
             request.with_tool_at(position).map_err(|error| at(&tool_field, error))
         }
     }
+}
+
+/// The regions at a path.
+///
+/// # Errors
+/// More than the limits allow, or one that is none.
+pub(super) fn keep_out_regions(
+    path: &str,
+    regions: &[v1::KeepOut],
+    limits: &Limits,
+) -> Result<Vec<KeepOut>, Error> {
+    if regions.len() > limits.keep_out {
+        let description = format!("{} regions are more than the limit of {}", regions.len(), limits.keep_out);
+        return Err(Error::field(path, description));
+    }
+    let regions = regions.iter().enumerate();
+    regions.map(|(index, region)| keep_out(&format!("{path}[{index}]"), region)).collect()
 }
 
 fn keep_out(path: &str, region: &v1::KeepOut) -> Result<KeepOut, Error> {

@@ -53,7 +53,7 @@ fn an_empty_configuration_is_the_default_and_survives_being_written_out() {
     let definition = new_session(v1::SessionConfig::default()).unwrap();
     assert_eq!(definition.config, palpate_core::config::Config::default());
     assert_eq!(definition.frame_id, "base");
-    let written = crate::wire::to_proto::session_config(&definition.config, &definition.sensors);
+    let written = crate::wire::to_proto::session_config(&definition);
     assert_eq!(new_session(written).unwrap(), definition);
 }
 
