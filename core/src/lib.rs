@@ -8,7 +8,8 @@
 //!
 //! Nothing here does IO, reads a clock, logs, waits or draws randomness that is not in the
 //! configuration. Lengths are in metres, numbers are `f64` (covariances within the process `f32`), and
-//! points are in the session's frame.
+//! points are in the session's frame where they come in
+//! and go out, and in between in the frame that the method works in.
 
 pub mod config;
 pub mod error;

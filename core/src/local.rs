@@ -105,7 +105,8 @@ pub(crate) fn raise(
     }
 }
 
-/// The process with the surface pulled back to the free points that it would cover.
+/// The process with the surface pulled back to the free points that it would cover; one that is still
+/// covered afterwards counts twice.
 fn held_back(
     process: Displacement,
     observations: &mut Vec<Observation>,

@@ -30,7 +30,9 @@ impl Symmetry {
         match declared {
             None => revolutions.chain(mirrors).collect(),
             Some(DeclaredSymmetry::Revolution) => revolutions.collect(),
-            Some(DeclaredSymmetry::Mirror) => mirrors.take(3).collect(),
+            Some(DeclaredSymmetry::Mirror) => {
+                (0..3).map(|across| Self::Mirror([0, 1, 2].map(|axis| axis == across))).collect()
+            }
         }
     }
 
@@ -157,6 +159,9 @@ mod tests {
         let revolutions = Symmetry::candidates(Some(DeclaredSymmetry::Revolution));
         assert!(revolutions.iter().all(|s| matches!(s, Symmetry::Revolution(_))));
         let mirrors = Symmetry::candidates(Some(DeclaredSymmetry::Mirror));
-        assert!(mirrors.iter().all(|s| matches!(s, Symmetry::Mirror(_))));
+        assert_eq!(mirrors.len(), 3);
+        for (across, mirror) in mirrors.into_iter().enumerate() {
+            assert_eq!(mirror, Symmetry::Mirror([0, 1, 2].map(|axis| axis == across)));
+        }
     }
 }

@@ -1,8 +1,8 @@
 //! The template: a primitive that guesses the whole object from the part that is known
 //! (Section III-D).
 //!
-//! Takes the evidence and the fit before; gives a shape with how its fit went, in the session's
-//! frame. METHOD_PAPER fits an [`ellipsoid`]. METHOD_PALPATE [selects](selection) a union of
+//! Takes the evidence and the fit before; gives a shape in the frame that the method
+//! works in. METHOD_PAPER fits an [`ellipsoid`]. METHOD_PALPATE [selects](selection) a union of
 //! superquadrics, which takes an ellipsoid, a cylinder, a box or a body with a neck, whichever the
 //! evidence supports: the template selection that the paper leaves to the future. Either becomes a
 //! [`TemplateSurface`], on which the local stage works.

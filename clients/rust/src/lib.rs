@@ -9,7 +9,8 @@
 //! ```no_run
 //! use palpate_client::proto::v1::{
 //!     AddVisualPriorRequest, Candidate, ContactResult, CreateSessionRequest, NoContact,
-//!     ReportContactRequest, contact_result::Outcome,
+//!     HalfSpace, KeepOut, ReportContactRequest, SessionConfig, StopReason, Vector3, contact_result::Outcome,
+//!     keep_out::Shape,
 //! };
 //! use palpate_client::{Client, Error, visual_prior};
 //!
@@ -24,9 +25,13 @@
 //!
 //! # async fn explore() -> Result<(), Error> {
 //! let client = Client::connect("http://127.0.0.1:7257").await?;
+//! // The object stands on a table at z = 0: no approach may go below it.
+//! let up = Some(Vector3 { x: 0.0, y: 0.0, z: 1.0 });
+//! let table = KeepOut { shape: Some(Shape::HalfSpace(HalfSpace { normal: up, offset_m: 0.0 })) };
 //! let session = client
 //!     .create_session(CreateSessionRequest {
 //!         frame_id: "base".to_owned(),
+//!         config: Some(SessionConfig { keep_out: vec![table], ..Default::default() }),
 //!         ..Default::default()
 //!     })
 //!     .await?;
@@ -56,7 +61,9 @@
 //!             ..Default::default()
 //!         })
 //!         .await?;
-//!     next = reply.candidates.into_iter().next();
+//!     // The server says when it is enough: 50 attempts, or an object that is covered before.
+//!     let goes_on = reply.should_stop() == StopReason::Unspecified;
+//!     next = reply.candidates.into_iter().next().filter(|_| goes_on);
 //! }
 //! # Ok(())
 //! # }

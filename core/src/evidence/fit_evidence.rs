@@ -10,7 +10,7 @@ use crate::geometry::Point;
 /// Visual points that are kept: they lie so close together that more of them add no information.
 const VISUAL_POINTS: usize = 100;
 
-/// The evidence as template and local stage read it, in the session's frame.
+/// The evidence as template and local stage read it, in the work frame.
 #[derive(Debug)]
 pub(crate) struct FitEvidence<'a> {
     /// Thinned visual points, then all touches.

@@ -1,7 +1,8 @@
 //! The frame that a method works in.
 //!
 //! METHOD_PALPATE works in the frame of its first view: the origin at the centroid of the points, z
-//! towards the camera, x towards the point that lies farthest from that axis. Coordinates in it are
+//! towards the camera (or, where it is not known, the farthest point), x towards the point that lies
+//! farthest from that axis. Coordinates in it are
 //! rounded to a multiple of 7 nm, far below what any sensor resolves. A scene and the same scene
 //! rotated or moved then become the same numbers, to the last bit, so every choice that the method
 //! makes is the same one: without it, rounding in the session's frame decides near ties, and an

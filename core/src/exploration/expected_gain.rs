@@ -4,7 +4,7 @@
 //! The posterior process says by how much a measurement at one vertex lowers the variance of every
 //! other. Its variance alone is blind to a wrong template, and choosing by it fails almost every
 //! time: so correlations are the process's, deviations are the calibrated ones of the surface,
-//! which know of the template's error, and the gain counts only as far as contact is to be expected:
+//! which are scaled to cover the template's error, and the gain counts only as far as contact is to be expected:
 //! `ln(expected share of the variance removed) + 2 ln P(contact) - failures nearby`.
 //! It is as cautious as the proactive strategy: no further than next to what is confident.
 

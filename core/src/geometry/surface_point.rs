@@ -7,7 +7,8 @@ use super::{Direction, Point, Vector};
 pub struct SurfacePoint {
     /// In metres.
     pub point: Vector,
-    /// Unit length, but for the representative of a point on an axis of revolution.
+    /// Unit length; the representative of a point under a revolution keeps only the part of its normal
+    /// that lies in the plane of the axis.
     pub normal: Vector,
 }
 

@@ -18,7 +18,7 @@ const TANGENT_M: f64 = 0.001;
 const STEP: f64 = 2.0;
 /// Neither sensor is better or worse than expected by more than these factors.
 const FACTORS: (f64, f64) = (0.5, 8.0);
-/// What an octave away from the expected noise costs, in nats.
+/// What an octave away from the expected noise costs, in nats; it grows with the square.
 const OCTAVE_COST: f64 = 3.0;
 
 /// Noise of camera and pad, as factors of what is expected of them.

@@ -28,8 +28,8 @@ pub struct Stats {
     pub mean_uncertainty: f64,
     /// Maximum over the vertices, in [0, 1]; 1 before the first visual prior.
     pub max_uncertainty: f64,
-    /// Root mean square distance of the attractors to the estimated surface, along the normals of the
-    /// template, in metres.
+    /// Root mean square distance of what was fitted, touches and (in METHOD_PALPATE thinned) visual
+    /// points, to the estimated surface, along the normals of the template, in metres.
     pub fit_rms_m: f64,
     /// The template's family; empty before the first visual prior.
     pub template: &'static str,

@@ -26,7 +26,7 @@ const VISIBLE_M: f64 = 1e-6;
 /// A union of superquadrics.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Compound {
-    /// The largest part, whose axes are those of the template.
+    /// The first part, whose axes are those of the template.
     pub body: Superquadric,
     /// The other parts, limbs among them.
     pub others: Vec<Superquadric>,

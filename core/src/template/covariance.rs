@@ -14,8 +14,8 @@ use super::part::{Freedom, Part, Row};
 /// in those of the patch.
 pub(super) type Covariance = SMatrix<f64, 11, 11>;
 
-/// Deviations of the parameters before any data: centre and logarithmic sizes in lengths of the
-/// patch, rotation in radians, exponents.
+/// Deviations of the parameters before any data: centre in lengths of the patch, logarithmic sizes,
+/// rotation in radians, exponents.
 const EXPECTED_DEVIATION: [f64; 11] = [1.0, 1.0, 1.0, 0.5, 0.5, 0.5, 1.0, 1.0, 1.0, 0.3, 0.3];
 
 /// Information about what a limb is not free to do: so much that nothing of it comes back.

@@ -17,7 +17,7 @@ use crate::geometry::{Icosphere, Point, TriangleMesh, Vector};
 const PRIOR_WEIGHT: f64 = 1.0;
 /// All visual points together weigh as much as this many touches at most. As printed, each point
 /// counts, and a camera with a finer grid outweighs the prior until the template diverges.
-const VISUAL_WEIGHT: f64 = 80.0;
+const VISUAL_TOUCHES: f64 = 80.0;
 const FIRST_ITERATIONS: usize = 100;
 const WARM_ITERATIONS: usize = 30;
 
@@ -110,7 +110,7 @@ pub fn fit(
     warm: bool,
 ) -> EllipsoidFit {
     let frame = PatchFrame::of(attractors, viewpoint);
-    let visual_weight = (VISUAL_WEIGHT / frame.visual_points).sqrt().min(1.0);
+    let visual_weight = (VISUAL_TOUCHES / frame.visual_points).sqrt().min(1.0);
     let points: Vec<(Vector, f64)> = attractors
         .iter()
         .map(|a| {

@@ -6,8 +6,9 @@ use crate::evidence::attractor::{Attractor, Sense};
 use crate::evidence::free_space::FreeSpace;
 use crate::geometry::{Point, Vector};
 
-/// All visual points together weigh as much as this many touches: they show one side only.
-const VISUAL_WEIGHT: f64 = 10.0;
+/// All visual points together weigh at most as much as this many touches: they show one side only.
+/// METHOD_PAPER has a weight of its own, 80.
+const VISUAL_TOUCHES: f64 = 10.0;
 /// A point of the plane that a measured normal tells of weighs this share of its touch.
 const TANGENT_WEIGHT: f64 = 0.1;
 
@@ -26,7 +27,7 @@ pub(super) struct FitData {
 
 impl FitData {
     pub(super) fn new(attractors: &[Attractor], free_space: &FreeSpace, frame: PatchFrame) -> Self {
-        let visual_weight = (VISUAL_WEIGHT / frame.visual_points).min(1.0);
+        let visual_weight = (VISUAL_TOUCHES / frame.visual_points).min(1.0);
         let weigh = |a: &Attractor| {
             let weight = match a.sense {
                 Sense::Vision => visual_weight,

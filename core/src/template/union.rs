@@ -12,9 +12,9 @@ use crate::geometry::{Icosphere, Point};
 
 /// Below this distance the criterion sees no difference, in metres: sensors are no better.
 const RESOLUTION_M: f64 = 0.0007;
-/// A new part may extend at most this share of the data's diagonal beyond the data,
+/// A part is unsupported where it is more than this share of the data's diagonal away from all data,
 const UNSUPPORTED: f64 = 0.13;
-/// and half as far beyond the template of one part.
+/// and also more than this share of that distance outside the template of one part.
 const BEYOND_SINGLE: f64 = 0.5;
 
 /// How thoroughly a union is fitted.

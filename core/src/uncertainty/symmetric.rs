@@ -12,7 +12,7 @@ const BY_SYMMETRY: f64 = 0.5;
 /// The uncertainty of each vertex, lowered where a symmetry makes it like a known one. Of a
 /// revolution only.
 ///
-/// Symmetry alone never makes a vertex confident: it only lets others be touched first.
+/// Symmetry alone lowers the uncertainty of a vertex to a half at most: others are touched first.
 pub(crate) fn lowered_by_symmetry(
     mut uncertainty: Vec<f64>,
     mesh: &TriangleMesh,
