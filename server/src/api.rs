@@ -152,7 +152,7 @@ impl Api {
 }
 
 fn log(failure: Option<&Error>, started: Instant) {
-    let ms = started.elapsed().as_secs_f64() * 1e3;
+    let ms = three_digits(started.elapsed().as_secs_f64() * 1e3);
     match failure {
         None => tracing::info!(outcome = "OK", ms),
         Some(error) => match error.detail() {
@@ -160,6 +160,11 @@ fn log(failure: Option<&Error>, started: Instant) {
             None => tracing::info!(outcome = error.reason(), %error, ms),
         },
     }
+}
+
+/// A duration is worth three significant digits.
+fn three_digits(value: f64) -> f64 {
+    format!("{value:.2e}").parse().unwrap_or(value)
 }
 
 /// Tells a retry of `request` from another request under the same id.

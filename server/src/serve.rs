@@ -80,7 +80,12 @@ pub async fn serve(
     let serving = builder(api.limits())
         .add_routes(routes)
         .serve_with_incoming_shutdown(incoming, shutdown.clone().cancelled_owned());
-    tracing::debug!(%address, "serving");
+    tracing::info!(
+        api = %format!("http://{address}"),
+        docs = %format!("http://{address}/docs"),
+        database = %database.display(),
+        "palpate listens for gRPC and HTTP"
+    );
 
     tokio::pin!(serving);
     let mut outcome = tokio::select! {

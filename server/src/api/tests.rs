@@ -189,3 +189,10 @@ async fn a_creation_without_id_is_retried_safely() {
     let late = api.create_session(request, Call::default()).await.unwrap_err();
     assert_eq!(late.reason(), "SESSION_NOT_FOUND", "a late retry brings nothing back");
 }
+
+#[test]
+fn a_duration_is_logged_with_three_significant_digits() {
+    assert_eq!(super::three_digits(30.818_792_000_000_002), 30.8);
+    assert_eq!(super::three_digits(0.071_234), 0.0712);
+    assert_eq!(super::three_digits(12_345.0), 12_300.0);
+}
