@@ -20,6 +20,7 @@ mod meshes;
 mod not_yet;
 mod operations;
 mod outcomes;
+mod program;
 mod proposals;
 mod retries;
 mod sse;

@@ -1,33 +1,39 @@
 //! The program: arguments, log, exit code. Each command is a file of [`crate::commands`].
 //!
-//! Exit codes: 0 done, 1 failed, 2 wrong usage, 130 interrupted twice.
+//! Exit codes: 0 done, 1 failed, 2 wrong usage, 130 interrupted, 141 nobody reads the output.
 
-use std::io::IsTerminal;
 use std::process::ExitCode;
 
-use clap::{Parser, ValueEnum};
-use tracing_subscriber::EnvFilter;
+use clap::{CommandFactory, Parser};
 
 use crate::commands::Command;
-use crate::failure::Failure;
+use crate::failure::tell;
+use crate::log::{self, LogFormat};
+use crate::terminal;
+use crate::version::VERSION;
 
 const EXAMPLES: &str = "\
 Examples:
-  palpate demo                    a simulated robot explores a bottle, touch by touch
-  palpate serve                   the service, for programs on this machine
-  palpate serve --listen 127.0.0.1:0 --database /tmp/try.db
+  palpate demo
+          a simulated robot explores a bottle
+  palpate serve
+          the service, for this machine
+  palpate evaluate --objects can mug
+          which method is better, on two objects
 
 While a server runs, http://127.0.0.1:7257/docs documents every call.";
 
 /// Reconstructs the shape of objects from one camera view and a robot's touches.
 #[derive(Debug, Parser)]
-#[command(name = "palpate", version, about, after_help = EXAMPLES, arg_required_else_help = true)]
+#[command(name = "palpate", version = VERSION.as_str(), about, after_help = EXAMPLES)]
+#[command(arg_required_else_help = true, styles = terminal::HELP, max_term_width = 100)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
 
     /// What to log: error, warn, info, debug, trace, or a filter such as `palpate=debug,info`.
     #[arg(long, global = true, env = "RUST_LOG", value_name = "FILTER", help_heading = "Log")]
+    #[arg(value_parser = log::filter)]
     log: Option<String>,
 
     /// How to write the log.
@@ -35,44 +41,20 @@ struct Cli {
     log_format: LogFormat,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum LogFormat {
-    /// For people.
-    Text,
-    /// One object a line, for programs.
-    Json,
-}
-
 /// Runs the program with the process's arguments.
 pub fn run() -> ExitCode {
     let Cli { command, log, log_format } = Cli::parse();
-    let result = start_log(log.as_deref().unwrap_or(command.default_log()), log_format)
+    let result = log::start(log.as_deref().unwrap_or(command.default_log()), log_format)
         .and_then(|()| Ok(tokio::runtime::Builder::new_multi_thread().enable_all().build()?))
-        .and_then(|runtime| runtime.block_on(command.run()));
+        .and_then(|runtime| runtime.block_on(command.run(Cli::command())));
     match result {
         Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => {
-            eprintln!("palpate: {failure}");
-            ExitCode::FAILURE
-        }
+        Err(failure) => tell(&failure),
     }
-}
-
-/// Writes the log to standard error, so that a command's own output can be piped.
-fn start_log(filter: &str, format: LogFormat) -> Result<(), Failure> {
-    let filter = EnvFilter::try_new(filter).map_err(|error| format!("--log {filter:?}: {error}"))?;
-    let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
-    match format {
-        LogFormat::Text => log.with_target(false).with_ansi(std::io::stderr().is_terminal()).try_init()?,
-        LogFormat::Json => log.json().flatten_event(true).with_span_list(false).try_init()?,
-    }
-    Ok(())
 }
 
 #[cfg(test)]
 mod tests {
-    use clap::CommandFactory;
-
     use super::*;
 
     #[test]
@@ -84,5 +66,16 @@ mod tests {
     fn serve_needs_no_flags() {
         let cli = Cli::try_parse_from(["palpate", "serve"]).unwrap();
         assert_eq!(cli.command.default_log(), "info");
+    }
+
+    #[test]
+    fn the_version_begins_with_the_release() {
+        assert!(VERSION.starts_with(env!("CARGO_PKG_VERSION")), "{}", *VERSION);
+    }
+
+    #[test]
+    fn examples_fit_into_a_narrow_terminal() {
+        let longest = EXAMPLES.lines().filter(|line| line.starts_with(' ')).map(str::len).max();
+        assert!(longest <= Some(48), "{longest:?}");
     }
 }

@@ -1,8 +1,10 @@
 //! The program's commands, one file each.
 
+mod completions;
 mod demo;
 mod evaluate;
 mod explore;
+mod manual;
 mod robot;
 mod serve;
 
@@ -16,7 +18,7 @@ pub(crate) enum Command {
     #[command(long_about = demo::ABOUT)]
     Demo(demo::Args),
     /// Serve sessions over gRPC and HTTP.
-    #[command(long_about = serve::ABOUT)]
+    #[command(long_about = serve::ABOUT, after_help = serve::EXAMPLES)]
     Serve(serve::Args),
     /// Let the simulated robot explore through a server that runs already.
     #[command(long_about = explore::ABOUT)]
@@ -24,16 +26,24 @@ pub(crate) enum Command {
     /// Compare strategies on many objects and seeds, with tables and plots.
     #[command(long_about = evaluate::ABOUT)]
     Evaluate(evaluate::Args),
+    /// Print what makes a shell complete the arguments.
+    #[command(long_about = completions::ABOUT)]
+    Completions(completions::Args),
+    /// Print the manual page, or write one for every command.
+    #[command(long_about = manual::ABOUT)]
+    Man(manual::Args),
 }
 
 impl Command {
-    /// Runs the command to its end.
-    pub(crate) async fn run(self) -> Result<(), Failure> {
+    /// Runs the command to its end; `program` is what declares all of them.
+    pub(crate) async fn run(self, program: clap::Command) -> Result<(), Failure> {
         match self {
             Self::Demo(args) => demo::run(args).await,
             Self::Serve(args) => serve::run(args).await,
             Self::Explore(args) => explore::run(args).await,
             Self::Evaluate(args) => evaluate::run(args).await,
+            Self::Completions(args) => completions::run(&args, program),
+            Self::Man(args) => manual::run(&args, program),
         }
     }
 
@@ -41,7 +51,9 @@ impl Command {
     pub(crate) fn default_log(&self) -> &'static str {
         match self {
             Self::Serve(_) => "info",
-            Self::Demo(_) | Self::Explore(_) | Self::Evaluate(_) => "warn",
+            Self::Demo(_) | Self::Explore(_) | Self::Evaluate(_) | Self::Completions(_) | Self::Man(_) => {
+                "warn"
+            }
         }
     }
 }

@@ -6,5 +6,9 @@
 mod cli;
 mod commands;
 mod failure;
+mod log;
+mod terminal;
+mod version;
+mod writable;
 
 pub use cli::run;

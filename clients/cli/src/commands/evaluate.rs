@@ -21,7 +21,7 @@ use self::objects::EvaluatedObject;
 use self::plot::{Course, draw_reliability};
 use self::record::{Case, Run};
 use self::table::Report;
-use super::robot::{LocalServer, NoiseArgs, SessionArgs, name_of, parser, plan};
+use super::robot::{LocalServer, NoiseArgs, SessionArgs, attempts, name_of, parser, plan};
 use crate::failure::Failure;
 
 pub(super) const ABOUT: &str = "\
@@ -69,8 +69,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=1000))]
     seeds: u64,
 
-    /// Attempts of each run, failures included.
-    #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    /// Attempts of each run, failures included; a session takes at most 1000.
+    #[arg(long, value_name = "N", default_value_t = 50, value_parser = attempts)]
     attempts: u32,
 
     /// The output folder; made where it does not exist.

@@ -6,8 +6,8 @@ mod local_server;
 mod measured;
 mod names;
 
-pub(super) use self::args::{NoiseArgs, ObjectArgs, SessionArgs, plan};
-pub(super) use self::driver::{drive, save_ply};
+pub(super) use self::args::{NoiseArgs, ObjectArgs, SessionArgs, attempts, plan};
+pub(super) use self::driver::{Exploration, drive, save_ply};
 pub(super) use self::local_server::LocalServer;
 pub(super) use self::measured::{MeasuredRobot, outcome_name};
 pub(super) use self::names::{name_of, parser};

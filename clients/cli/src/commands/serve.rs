@@ -1,5 +1,7 @@
 //! `palpate serve`: the service on a port, until it is told to stop.
 
+mod origin;
+
 use std::io::ErrorKind;
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::PathBuf;
@@ -10,6 +12,7 @@ use tokio::net::TcpListener;
 use tokio_util::sync::CancellationToken;
 
 use crate::failure::Failure;
+use crate::writable;
 use palpate_server::{ServeOptions, serve};
 
 /// The exit code of a process that was interrupted: 128 and the number of SIGINT.
@@ -18,8 +21,15 @@ const INTERRUPTED: i32 = 130;
 pub(super) const ABOUT: &str = "\
 Serves gRPC, gRPC-Web, HTTP with JSON, and server-sent events on one port.
 
-Everything that is acknowledged is in the database: a server that was killed continues every session where it was.
+Everything that is acknowledged is in the database: a server that was killed continues every session where it was. \
 Ctrl-C or SIGTERM stops it gracefully: it finishes what it has begun and ends open streams; a second one stops at once.";
+
+pub(super) const EXAMPLES: &str = "\
+Examples:
+  palpate serve --listen 127.0.0.1:0 --database /tmp/try.db
+          a free port, and a database to throw away
+  palpate serve --allow-origin http://localhost:5173
+          for a web page that is developed on that port";
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
@@ -36,8 +46,10 @@ pub(crate) struct Args {
     #[arg(long)]
     insecure_open: bool,
 
-    /// A web origin whose pages may call this server, such as `https://lab.example`; may be repeated.
+    /// A web origin whose pages may call this server, such as `https://lab.example`; several are comma separated,
+    /// or each has its own flag.
     #[arg(long = "allow-origin", env = "PALPATE_ALLOW_ORIGIN", value_name = "ORIGIN", value_delimiter = ',')]
+    #[arg(value_parser = origin::parse)]
     allowed_origins: Vec<HeaderValue>,
 }
 
@@ -51,17 +63,12 @@ fn resolve(text: &str) -> Result<SocketAddr, String> {
 pub(crate) async fn run(args: Args) -> Result<(), Failure> {
     let Args { listen, database, insecure_open, allowed_origins } = args;
     refuse_open_network(listen, insecure_open)?;
+    writable::check("--database", &database)?;
     let listener = TcpListener::bind(listen).await.map_err(|error| explain_bind(listen, &error))?;
-    let address = listener.local_addr()?;
-    tracing::info!(
-        api = %format!("http://{address}"),
-        docs = %format!("http://{address}/docs"),
-        database = %database.display(),
-        "palpate listens for gRPC and HTTP; Ctrl-C stops it"
-    );
     let shutdown = CancellationToken::new();
     tokio::spawn(cancel_on_signal(shutdown.clone()));
     let options = ServeOptions { database, allowed_origins, ..ServeOptions::default() };
+    // It says itself where it listens, once the database is open.
     serve(listener, options, shutdown).await?;
     tracing::info!("stopped");
     Ok(())

@@ -4,13 +4,14 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use palpate_client::proto::v1::{CreateSessionRequest, Method, SessionConfig, StopRule, Strategy, Symmetry};
+use palpate_server::Limits;
 use palpate_simulator::body::Body;
 use palpate_simulator::probe::ProbeSettings;
 use palpate_simulator::robot::Plan;
 use palpate_simulator::{mesh_file, shapes};
 
 use super::names::{name_of, parser};
-use crate::failure::Failure;
+use crate::failure::{Failure, wrong_usage};
 
 /// What the robot explores.
 #[derive(Clone, Debug, clap::Args)]
@@ -37,8 +38,9 @@ impl ObjectArgs {
             let name = path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
             return Ok((name, mesh_file::read(path, self.scale)?));
         }
-        let name = self.object.as_deref().unwrap_or(default);
-        Ok((name.to_owned(), shapes::generate(name)?))
+        let name = self.object.as_deref().unwrap_or(default).to_lowercase();
+        let body = shapes::generate(&name)?;
+        Ok((name, body))
     }
 }
 
@@ -46,8 +48,8 @@ impl ObjectArgs {
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Exploration")]
 pub(in crate::commands) struct SessionArgs {
-    /// How many times the robot tries to touch, failures included.
-    #[arg(long, value_name = "N", default_value_t = 50)]
+    /// How many times the robot tries to touch, failures included; a session takes at most 1000.
+    #[arg(long, value_name = "N", default_value_t = 50, value_parser = attempts)]
     pub(in crate::commands) attempts: u32,
 
     /// How the next contact is chosen.
@@ -65,6 +67,36 @@ pub(in crate::commands) struct SessionArgs {
     /// Decides the view, the offsets on the pad and all noise: the same seed gives the same run.
     #[arg(long, default_value_t = 1)]
     pub(in crate::commands) seed: u64,
+}
+
+impl SessionArgs {
+    /// Refuses what the method would refuse, in the words of the flags and before anything is explored.
+    pub(in crate::commands) fn check(&self) -> Result<(), Failure> {
+        if self.method != Some(Method::Paper) {
+            return Ok(());
+        }
+        if self.strategy == Strategy::ExpectedGain {
+            return Err(wrong_usage(
+                "--strategy expected_gain needs --method palpate: the paper's method states no deviation that a \
+                 gain could be expected from",
+            ));
+        }
+        if self.symmetry.is_some() {
+            return Err(wrong_usage(
+                "--symmetry needs --method palpate: the paper's method knows no symmetry",
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// As many attempts as a session takes results.
+pub(in crate::commands) fn attempts(text: &str) -> Result<u32, String> {
+    let most = Limits::default().contacts;
+    match text.parse() {
+        Ok(attempts) if (1..=most).contains(&attempts) => Ok(attempts),
+        _ => Err(format!("must be between 1 and {most}, which is what a session takes")),
+    }
 }
 
 /// What the robot measures, and how badly; exactly, unless told otherwise.
@@ -190,6 +222,34 @@ mod tests {
         }
         let program = <Program as clap::Parser>::parse_from(["palpate"]);
         assert_eq!(program.object.load("can").unwrap().0, "can");
+        let program = <Program as clap::Parser>::parse_from(["palpate", "--object", "L-Shape"]);
+        assert_eq!(program.object.load("can").unwrap().0, "l-shape", "whatever its case");
+    }
+
+    #[test]
+    fn more_attempts_than_a_session_takes_are_refused_before_the_first() {
+        assert_eq!(attempts("1000"), Ok(1000));
+        for wrong in ["1001", "0", "-1", "many"] {
+            assert!(attempts(wrong).unwrap_err().contains("between 1 and 1000"), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn what_the_papers_method_has_not_is_refused_in_the_words_of_the_flags() {
+        let session = SessionArgs {
+            attempts: 50,
+            strategy: Strategy::Proactive,
+            method: Some(Method::Paper),
+            symmetry: None,
+            seed: 1,
+        };
+        session.check().unwrap();
+        let gain = SessionArgs { strategy: Strategy::ExpectedGain, ..session.clone() };
+        let refusal = gain.check().unwrap_err().to_string();
+        assert!(refusal.contains("--strategy expected_gain needs --method palpate"), "{refusal}");
+        SessionArgs { method: None, ..gain }.check().unwrap();
+        let mirrored = SessionArgs { symmetry: Some(Symmetry::Mirror), ..session };
+        assert!(mirrored.check().unwrap_err().to_string().contains("--symmetry needs --method palpate"));
     }
 
     #[test]

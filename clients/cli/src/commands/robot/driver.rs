@@ -9,10 +9,12 @@ use palpate_client::Client;
 use palpate_client::proto::v1::StopReason;
 use palpate_core::metrics::{Comparison, Reference, Sampling};
 use palpate_simulator::body::Body;
+use palpate_simulator::probe::Outcome;
 use palpate_simulator::robot::{Attempt, Plan};
 
 use super::measured::{MeasuredRobot, outcome_name};
 use crate::failure::Failure;
+use crate::terminal::{BOLD, ODD, counted, say, styled, wrapped};
 
 /// What came of an exploration.
 #[derive(Debug)]
@@ -38,18 +40,17 @@ pub(in crate::commands) async fn drive(
 ) -> Result<Exploration, Failure> {
     let reference = Arc::new(Reference::new(body.mesh().clone(), Sampling::default())?);
     let bar = ProgressBar::new(plan.attempts.into());
-    bar.set_style(ProgressStyle::with_template("{bar:40} {pos}/{len} touches, {eta} left")?);
+    bar.set_style(ProgressStyle::with_template("{bar:15} {pos}/{len} touches, {eta} left")?);
     let mut robot =
         MeasuredRobot::begin(client, body, reference, plan, Reference::surface_distance_m).await?;
-    bar.suspend(|| {
-        println!("\nattempt  outcome  error mm  mean uncertainty");
-        println!("   none  camera   {:8.2}  {:16.3}", 1e3 * robot.errors, robot.mean_uncertainty());
-    });
+    let head = styled(BOLD, "attempt  outcome  error mm  uncertainty");
+    let seen = format!("   none  camera   {:8.2}  {:11.3}", 1e3 * robot.errors, robot.mean_uncertainty());
+    bar.suspend(|| say(format_args!("\n{head}\n{seen}")))?;
     let mut attempts = 0;
     while let Some(attempt) = robot.step().await? {
         attempts = attempt.number;
         bar.inc(1);
-        bar.suspend(|| println!("{}", line(&attempt, robot.errors)));
+        bar.suspend(|| say(line(&attempt, robot.errors)))?;
     }
     bar.finish_and_clear();
     Ok(Exploration {
@@ -65,13 +66,18 @@ pub(in crate::commands) async fn drive(
     })
 }
 
+/// At most 42 columns, so that no number is broken in two.
 fn line(attempt: &Attempt, error_m: f64) -> String {
-    let outcome = outcome_name(&attempt.outcome);
+    let outcome = format!("{:<7}", outcome_name(&attempt.outcome));
+    let outcome = match attempt.outcome {
+        Outcome::Hit(_) => outcome,
+        Outcome::Early(_) | Outcome::Miss => styled(ODD, outcome),
+    };
     let (number, uncertainty) = (attempt.number, attempt.mean_uncertainty);
-    let mut line = format!("{number:7}  {outcome:<7}  {:8.2}  {uncertainty:16.3}", 1e3 * error_m);
+    let mut line = format!("{number:7}  {outcome}  {:8.2}  {uncertainty:11.3}", 1e3 * error_m);
     for warning in &attempt.warnings {
-        line.push_str("\n         ");
-        line.push_str(warning);
+        line.push('\n');
+        line.push_str(&wrapped(&format!("         {warning}"), 9));
     }
     line
 }
@@ -81,19 +87,21 @@ impl std::fmt::Display for Exploration {
         let Self { attempts, missed, early, touching, mean_uncertainty, stopped, comparison, .. } = self;
         let each_ms = 1e3 * touching.as_secs_f64() / f64::from((*attempts).max(1));
         let seconds = touching.as_secs_f64();
+        let attempted = counted(*attempts as usize, "touch", "touches");
         writeln!(
             f,
-            "{attempts} touches in {seconds:.1} s, {each_ms:.0} ms each: report, estimate, next candidate"
+            "{attempted} in {seconds:.1} s, {each_ms:.0} ms each:\n  report, estimate, next candidate"
         )?;
-        writeln!(f, "{} failures: {missed} missed, {early} early", missed + early)?;
+        let failures = counted((missed + early) as usize, "failure", "failures");
+        writeln!(f, "{failures}: {missed} missed, {early} early")?;
         let mm = |metres: f64| 1e3 * metres;
         writeln!(f, "error: {:.2} mm mean surface distance", mm(comparison.surface_distance_m))?;
         writeln!(f, "       {:.2} mm at worst (Hausdorff)", mm(comparison.hausdorff_m))?;
-        writeln!(f, "       {:.0} % of the object within 2 mm of the estimate", 100.0 * comparison.coverage)?;
-        writeln!(f, "mean uncertainty: {mean_uncertainty:.3} of 1")?;
+        writeln!(f, "       {:.0} % of the object within 2 mm", 100.0 * comparison.coverage)?;
+        write!(f, "mean uncertainty: {mean_uncertainty:.3} (1: a guess)")?;
         match stopped {
             StopReason::Unspecified | StopReason::Budget => Ok(()),
-            reason => writeln!(f, "stopped early: {}", reason.as_str_name()),
+            reason => write!(f, "\nstopped early: {}", reason.as_str_name()),
         }
     }
 }
@@ -101,6 +109,57 @@ impl std::fmt::Display for Exploration {
 /// Writes the estimate's PLY file and says where.
 pub(in crate::commands) fn save_ply(exploration: &Exploration, path: &Path) -> Result<(), Failure> {
     std::fs::write(path, &exploration.ply).map_err(|error| format!("{}: {error}", path.display()))?;
-    println!("mesh: {} (per-vertex uncertainty in the property \"uncertainty\")", path.display());
-    Ok(())
+    say(wrapped(&format!("mesh: {}, with the uncertainty of each vertex", path.display()), 2))
+}
+
+#[cfg(test)]
+mod tests {
+    use palpate_client::proto::v1::Candidate;
+    use palpate_core::metrics::Chamfer;
+
+    use super::*;
+
+    #[test]
+    fn a_line_of_the_table_fits_into_42_columns() {
+        let attempt = Attempt {
+            number: 1000,
+            outcome: Outcome::Miss,
+            candidate: Candidate::default(),
+            mean_uncertainty: 0.123,
+            revision: 7,
+            warnings: Vec::new(),
+            should_stop: StopReason::Unspecified,
+        };
+        let miss = styled(ODD, "miss   ");
+        let line = line(&attempt, 0.123_456);
+        assert_eq!(line, format!("   1000  {miss}    123.46        0.123"));
+        assert!(line.replace(&miss, "miss   ").len() <= 42);
+    }
+
+    #[test]
+    fn one_touch_and_one_failure_are_singular() {
+        let exploration = Exploration {
+            session_id: "s".to_owned(),
+            ply: Vec::new(),
+            attempts: 1,
+            missed: 1,
+            early: 0,
+            touching: Duration::from_millis(31),
+            mean_uncertainty: 0.5,
+            stopped: StopReason::Stalled,
+            comparison: Comparison {
+                surface_distance_m: 0.001,
+                hausdorff_m: 0.002,
+                f_score_1mm: 0.5,
+                coverage: 0.5,
+                volume_ratio: 1.0,
+                chamfer: Chamfer { sum_m: 0.002, mean_m: 0.001 },
+            },
+        };
+        let text = exploration.to_string();
+        assert!(text.starts_with("1 touch in 0.0 s, 31 ms each:"), "{text}");
+        assert!(text.contains("\n1 failure: 1 missed, 0 early\n"), "{text}");
+        assert!(text.ends_with("\nstopped early: STOP_REASON_STALLED"), "{text}");
+        assert!(text.lines().all(|line| line.len() <= 42), "{text}");
+    }
 }
