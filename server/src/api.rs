@@ -29,8 +29,10 @@ use uuid::Uuid;
 use crate::compute::Pool;
 use crate::error::Error;
 use crate::limits::Limits;
-use crate::sessions::{RequestKey, Sessions, down};
+use crate::session::Snapshot;
+use crate::sessions::{Aggregate, Computed, RequestKey, Sessions};
 use crate::store::Store;
+use crate::wire::{event, to_proto};
 
 /// Messages of a stream that wait for a slow reader; the producer then waits too.
 const STREAM_BUFFER: usize = 16;
@@ -41,7 +43,7 @@ pub(crate) type Replies<T> = ReceiverStream<Result<T, Error>>;
 /// The service; cheap to clone.
 #[derive(Clone, Debug)]
 pub(crate) struct Api {
-    sessions: Arc<Sessions>,
+    sessions: Arc<Sessions<Snapshot>>,
     limits: Arc<Limits>,
     streams: Arc<Semaphore>,
     stopping: CancellationToken,
@@ -64,7 +66,7 @@ impl Api {
         let pool = Pool::new(cores, limits.compute_queue_per_core);
         let limits = Arc::new(limits);
         Self {
-            sessions: Arc::new(Sessions::new(store, pool, limits.clone(), stopping.clone())),
+            sessions: Arc::new(Sessions::new(store, pool, event::fold, limits.clone(), stopping.clone())),
             streams: Arc::new(Semaphore::new(limits.streams)),
             limits,
             stopping,
@@ -107,7 +109,7 @@ impl Api {
         if self.stopping.is_cancelled() {
             return Err(Error::Draining);
         }
-        self.sessions.store.check_writable().await.map_err(down)
+        Ok(self.sessions.store.check_writable().await?)
     }
 
     /// Waits until every accepted write is on disk, and closes the log.
@@ -175,6 +177,19 @@ fn request_key<M: Message + Name>(id: &str, request: &M, limits: &Limits) -> Res
     // Maps are ordered in the generated code, so equal messages have equal bytes.
     hash.update(request.encode_to_vec());
     Ok(RequestKey { id: id.to_owned(), digest: hash.finalize().to_vec() })
+}
+
+/// The session after a change and the reply to it, with all that the log keeps of both.
+fn computed<M: Message>(after: Snapshot, reply: &M) -> Computed<Snapshot> {
+    Computed {
+        reply: reply.encode_to_vec(),
+        state: to_proto::state(after.life).into(),
+        summary: to_proto::session(&after).encode_to_vec(),
+        stats_after: to_proto::stats(&after.stats, after.last_update).encode_to_vec(),
+        state_hash: after.state_hash(),
+        append_us: after.updated_us,
+        after,
+    }
 }
 
 /// A message that this server wrote itself.

@@ -14,7 +14,10 @@ use palpate_core::config::Config;
 use palpate_core::evidence::Evidence;
 use palpate_core::exploration::{KeepOut, Proposal, ProposalRequest};
 use palpate_core::geometry::Pose;
-use palpate_core::reconstruction::{Reconstruction, Stats, StopReason, Update};
+use palpate_core::reconstruction::{ALGORITHM_VERSION, Reconstruction, Stats, StopReason, Update};
+
+use crate::error::Error;
+use crate::sessions::Aggregate;
 
 /// Half the side of the pad that is assumed where none is declared, in metres.
 pub(crate) const DEFAULT_PAD_HALF_SIDE_M: f64 = 0.009;
@@ -134,11 +137,6 @@ impl Snapshot {
         Ok((next, update))
     }
 
-    /// The same state, set aside because the event `revision` cannot be replayed on it.
-    pub(crate) fn quarantined(self, revision: i64) -> Self {
-        Self { revision, life: Life::Quarantined, ..self }
-    }
-
     /// Where to touch next, away from what the session must keep out of, for its pad.
     pub(crate) fn propose(&self, wanted: &ProposalRequest) -> Proposal {
         let Definition { keep_out, sensors, .. } = &*self.definition;
@@ -156,10 +154,34 @@ impl Snapshot {
     pub(crate) fn next_event_us(&self) -> i64 {
         now_us().max(self.updated_us)
     }
+}
 
-    /// The digest of the state, in lower-case hexadecimal.
-    pub(crate) fn state_hash(&self) -> String {
+impl Aggregate for Snapshot {
+    const ALGORITHM_VERSION: &'static str = ALGORITHM_VERSION;
+
+    fn identity(&self) -> (&str, i64) {
+        (&self.definition.session_id, self.definition.created_us)
+    }
+
+    fn revision(&self) -> i64 {
+        self.revision
+    }
+
+    fn state_hash(&self) -> String {
         hex(&self.digest)
+    }
+
+    fn check_open(&self) -> Result<(), Error> {
+        match self.life {
+            Life::AwaitingPrior | Life::Active => Ok(()),
+            Life::Quarantined => {
+                Err(Error::SessionQuarantined { session_id: self.definition.session_id.clone() })
+            }
+        }
+    }
+
+    fn quarantined(&self, revision: i64) -> Self {
+        Self { revision, life: Life::Quarantined, ..self.clone() }
     }
 }
 

@@ -1,27 +1,28 @@
-//! Sessions at work: order, retries, races, replay, and snapshots for readers.
+//! Sessions at work: order, retries, races, replay, and the newest state for readers.
 //!
 //! A change goes through one gate, in a task of its own so that a caller who leaves breaks nothing:
 //!
 //! ```text
-//! turn -> retry? answer as before -> revision guard -> compute -> append (durable) -> publish -> reply
-//!           ^                                                       |
-//!           `------- catch up with the log: another process --------' seq is taken
+//! permit -> retry? answer as before -> revision guard -> compute -> append (durable) -> publish -> reply
+//!             ^                                                       |
+//!             `------- catch up with the log: another process --------' seq is taken
 //! ```
 //!
-//! State is the fold of the log, so nothing here needs saving: what is evicted or lost with the
-//! process is computed again, bit for bit.
+//! A state is the fold of its log, so nothing here needs saving: what is evicted or lost with the
+//! process is computed again, bit for bit. What states and bytes mean is not known here.
 
+mod aggregate;
 mod creation;
 mod deletion;
 mod live;
 mod past;
 mod replay;
+#[cfg(test)]
+mod tests;
 
 use std::sync::Arc;
 use std::time::Duration;
 
-use palpate_core::reconstruction::ALGORITHM_VERSION;
-use prost::Message;
 use tokio::sync::watch;
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
@@ -30,9 +31,8 @@ use tracing::Instrument;
 use crate::compute::Pool;
 use crate::error::Error;
 use crate::limits::Limits;
-use crate::session::{Life, Snapshot};
 use crate::store::{NewEvent, SessionHead, Store, StoreError};
-use crate::wire::to_proto;
+pub(crate) use aggregate::{Aggregate, Computed, Created, Fold, FoldError, StoredEvent};
 use live::{Live, LiveSessions};
 use past::PastStates;
 
@@ -40,49 +40,43 @@ use past::PastStates;
 const ATTEMPTS: usize = 5;
 const RETRY_WRITE_AFTER: Duration = Duration::from_millis(50);
 
-/// All sessions of one database.
+/// All sessions of one database, with states of the type `S`.
 #[derive(Debug)]
-pub(crate) struct Sessions {
+pub(crate) struct Sessions<S> {
     pub(crate) store: Store,
     pub(crate) pool: Pool,
+    fold: Fold<S>,
     limits: Arc<Limits>,
-    live: LiveSessions,
-    past: PastStates,
+    live: LiveSessions<S>,
+    past: PastStates<S>,
     stopping: CancellationToken,
 }
 
 /// A request to create a session.
-pub(crate) struct Creation {
+pub(crate) struct Creation<S> {
     /// The wanted id; empty lets the server choose.
     pub(crate) session_id: String,
     pub(crate) request: RequestKey,
     pub(crate) actor: String,
-    /// The new session under the id and at the time given, with its event.
-    pub(crate) define: Define,
+    /// Makes the new session under the id and at the time given.
+    pub(crate) create: Create<S>,
 }
 
 /// A request to add an event to a session.
-pub(crate) struct Change {
+pub(crate) struct Change<S> {
     pub(crate) session_id: String,
     pub(crate) request: RequestKey,
     pub(crate) expected_revision: Option<i64>,
     pub(crate) actor: String,
     pub(crate) event: StoredEvent,
-    /// What the event does to the session, and what the caller is told. Runs on the compute pool.
-    pub(crate) step: TakeStep,
+    /// Computes what the event does to the session and what the caller is told, on the compute pool.
+    pub(crate) compute: Compute<S>,
 }
 
-type Define = Arc<dyn Fn(&str, i64) -> Result<(Snapshot, StoredEvent), Error> + Send + Sync>;
-type TakeStep = Arc<dyn Fn(&Snapshot) -> Result<Step, Error> + Send + Sync>;
-
-/// An event's name and bytes.
-pub(crate) type StoredEvent = (&'static str, Vec<u8>);
-
-/// The session after a change, and the reply to whoever asked for it.
-pub(crate) struct Step {
-    pub(crate) after: Snapshot,
-    pub(crate) reply: Vec<u8>,
-}
+type Create<S> = Arc<dyn Fn(&str, i64) -> Result<Created<S>, Error> + Send + Sync>;
+type Compute<S> = Arc<dyn Fn(&S) -> Result<Computed<S>, Error> + Send + Sync>;
+/// The newest state of a session, and each one after it.
+pub(crate) type States<S> = watch::Receiver<Arc<S>>;
 
 /// What tells a retry from a new request.
 #[derive(Clone, Debug)]
@@ -101,18 +95,25 @@ pub(crate) struct Reply {
     pub(crate) duplicate: bool,
 }
 
-impl Sessions {
-    pub(crate) fn new(store: Store, pool: Pool, limits: Arc<Limits>, stopping: CancellationToken) -> Self {
+impl<S: Aggregate> Sessions<S> {
+    /// Sessions whose states `fold` makes of their logs.
+    pub(crate) fn new(
+        store: Store,
+        pool: Pool,
+        fold: Fold<S>,
+        limits: Arc<Limits>,
+        stopping: CancellationToken,
+    ) -> Self {
         let live = LiveSessions::new(limits.live_sessions, limits.session_queue);
         let past = PastStates::new(limits.past_states);
-        Self { store, pool, limits, live, past, stopping }
+        Self { store, pool, fold, limits, live, past, stopping }
     }
 
-    /// Creates a session, and answers with the bytes of its message.
+    /// Creates a session.
     ///
     /// # Errors
     /// The id is taken, the database is full, or the definition is refused.
-    pub(crate) async fn create(self: &Arc<Self>, creation: Creation) -> Result<Reply, Error> {
+    pub(crate) async fn create(self: &Arc<Self>, creation: Creation<S>) -> Result<Reply, Error> {
         let this = self.clone();
         detached(async move { this.create_now(&creation).await }).await
     }
@@ -121,9 +122,13 @@ impl Sessions {
     ///
     /// # Errors
     /// No such session, a stale revision, a reused request id, or the method refuses the evidence.
-    pub(crate) async fn change(self: &Arc<Self>, change: Change, deadline: Instant) -> Result<Reply, Error> {
+    pub(crate) async fn change(
+        self: &Arc<Self>,
+        change: Change<S>,
+        deadline: Instant,
+    ) -> Result<Reply, Error> {
         let this = self.clone();
-        detached(async move { this.change_in_turn(&change, deadline).await }).await
+        detached(async move { this.change_in_order(&change, deadline).await }).await
     }
 
     /// Removes a session with all its events. `wanted_etag` may be empty.
@@ -138,36 +143,32 @@ impl Sessions {
         deadline: Instant,
     ) -> Result<(), Error> {
         let this = self.clone();
-        detached(async move { this.delete_in_turn(&session_id, &wanted_etag, &request, deadline).await })
+        detached(async move { this.delete_in_order(&session_id, &wanted_etag, &request, deadline).await })
             .await
     }
 
-    /// The newest snapshot.
+    /// The newest state.
     ///
     /// # Errors
     /// No such session, or its log could not be read in time.
-    pub(crate) async fn snapshot(&self, session_id: &str, deadline: Instant) -> Result<Arc<Snapshot>, Error> {
+    pub(crate) async fn newest(&self, session_id: &str, deadline: Instant) -> Result<Arc<S>, Error> {
         Ok(self.open(session_id, deadline).await?.1.borrow().clone())
     }
 
-    /// The newest snapshot, if it is in memory.
-    pub(crate) fn loaded(&self, session_id: &str) -> Option<Arc<Snapshot>> {
+    /// The newest state, if it is in memory.
+    pub(crate) fn loaded(&self, session_id: &str) -> Option<Arc<S>> {
         self.live.loaded(session_id)
     }
 
-    /// The newest snapshot and each one after it. Ends when the session is removed.
+    /// The newest state and each one after it. Ends when the session is removed.
     ///
     /// # Errors
     /// No such session, or its log could not be read in time.
-    pub(crate) async fn subscribe(
-        &self,
-        session_id: &str,
-        deadline: Instant,
-    ) -> Result<watch::Receiver<Arc<Snapshot>>, Error> {
+    pub(crate) async fn subscribe(&self, session_id: &str, deadline: Instant) -> Result<States<S>, Error> {
         Ok(self.open(session_id, deadline).await?.1)
     }
 
-    /// The snapshot of any revision; 0 is the newest.
+    /// The state at any revision; 0 is the newest.
     ///
     /// # Errors
     /// No such session or revision, or its log could not be read in time.
@@ -176,53 +177,53 @@ impl Sessions {
         session_id: &str,
         revision: i64,
         deadline: Instant,
-    ) -> Result<Arc<Snapshot>, Error> {
-        let newest = self.snapshot(session_id, deadline).await?;
-        if revision == 0 || revision == newest.revision {
+    ) -> Result<Arc<S>, Error> {
+        let newest = self.newest(session_id, deadline).await?;
+        let head = newest.revision();
+        if revision == 0 || revision == head {
             return Ok(newest);
         }
-        if !(1..=newest.revision).contains(&revision) {
-            let description =
-                format!("{revision} is not between 1 and the session's revision {}", newest.revision);
+        if !(1..=head).contains(&revision) {
+            let description = format!("{revision} is not between 1 and the session's revision {head}");
             return Err(Error::field("revision", description));
         }
-        let nearest = self.past.nearest(&newest.definition, revision);
-        let snapshot = self.replay(session_id, nearest, revision, deadline).await?;
-        self.past.keep(snapshot.clone());
-        Ok(snapshot)
+        let nearest = self.past.nearest(&*newest, revision);
+        let state = self.replay(session_id, nearest, revision, deadline).await?;
+        self.past.keep(state.clone());
+        Ok(state)
     }
 
-    async fn change_in_turn(&self, change: &Change, deadline: Instant) -> Result<Reply, Error> {
-        let Change { session_id, request, expected_revision, actor, event, step } = change;
+    async fn change_in_order(&self, change: &Change<S>, deadline: Instant) -> Result<Reply, Error> {
+        let Change { session_id, request, expected_revision, actor, event, compute } = change;
         self.refuse_while_stopping()?;
         for _ in 0..ATTEMPTS {
-            let (live, snapshots) = self.open(session_id, deadline).await?;
-            let _turn = live.turn(deadline).await?;
+            let (live, states) = self.open(session_id, deadline).await?;
+            let _permit = live.permit(deadline).await?;
             if live.is_gone() {
                 continue;
             }
             if let Some(first) = self.first_reply(session_id, request).await? {
                 return Ok(first);
             }
-            let before = snapshots.borrow().clone();
-            let computed = self.compute(&before, *expected_revision, step, deadline).await;
-            let Step { after, reply } = match computed {
-                Ok(step) => step,
+            let before = states.borrow().clone();
+            let computed = match self.compute(&before, *expected_revision, compute, deadline).await {
+                Ok(computed) => computed,
                 // A refusal must rest on the newest state, and another process may have written since.
-                Err(_) if self.is_behind(&before).await? => {
+                Err(_) if self.is_behind(&*before).await? => {
                     self.catch_up(session_id, &live, deadline).await?;
                     continue;
                 }
                 Err(refusal) => return Err(refusal),
             };
-            let new = new_event(&after, request, event.clone(), reply.clone(), actor);
-            match self.store.append(head(&after), new).await {
+            let (after, head, new) = recorded(computed, request, event.clone(), actor);
+            let reply = new.reply.clone();
+            match self.store.append(head, new).await {
                 Ok(()) => {
                     live.publish(after);
                     return Ok(Reply { bytes: reply, duplicate: false });
                 }
                 Err(StoreError::Conflict) => self.catch_up(session_id, &live, deadline).await?,
-                Err(failure) => return Err(down(failure)),
+                Err(failure) => return Err(failure.into()),
             }
         }
         Err(contended())
@@ -230,14 +231,18 @@ impl Sessions {
 
     async fn compute(
         &self,
-        before: &Arc<Snapshot>,
+        before: &Arc<S>,
         expected_revision: Option<i64>,
-        step: &TakeStep,
+        compute: &Compute<S>,
         deadline: Instant,
-    ) -> Result<Step, Error> {
-        check_open(before, expected_revision)?;
-        let (before, step) = (before.clone(), step.clone());
-        self.pool.run(deadline, move || step(&before)).await?
+    ) -> Result<Computed<S>, Error> {
+        let actual = before.revision();
+        if let Some(expected) = expected_revision.filter(|&expected| expected != actual) {
+            return Err(Error::RevisionMismatch { expected, actual });
+        }
+        before.check_open()?;
+        let (before, compute) = (before.clone(), compute.clone());
+        self.pool.run(deadline, move || compute(&before)).await?
     }
 
     /// The reply to an earlier request with the same id, which must have had the same body.
@@ -245,7 +250,7 @@ impl Sessions {
         if request.id.is_empty() {
             return Ok(None);
         }
-        match self.store.first_reply(session_id, &request.id).await.map_err(down)? {
+        match self.store.first_reply(session_id, &request.id).await? {
             None => Ok(None),
             Some(first) if first.request_digest == request.digest => {
                 Ok(Some(Reply { bytes: first.reply, duplicate: true }))
@@ -255,14 +260,10 @@ impl Sessions {
     }
 
     /// The session in memory, replayed from its log if it was not there.
-    async fn open(
-        &self,
-        session_id: &str,
-        deadline: Instant,
-    ) -> Result<(Arc<Live>, watch::Receiver<Arc<Snapshot>>), Error> {
+    async fn open(&self, session_id: &str, deadline: Instant) -> Result<(Arc<Live<S>>, States<S>), Error> {
         let live = self.live.get(session_id);
         match live.load(|| self.replay(session_id, None, i64::MAX, deadline)).await {
-            Ok(snapshots) => Ok((live, snapshots)),
+            Ok(states) => Ok((live, states)),
             Err(error) => {
                 self.live.forget(session_id, &live);
                 Err(error)
@@ -283,59 +284,40 @@ async fn detached<T: Send + 'static>(
     task.await.unwrap_or_else(|failure| Err(Error::internal(format!("a change failed: {failure}"))))
 }
 
-fn check_open(snapshot: &Snapshot, expected_revision: Option<i64>) -> Result<(), Error> {
-    match expected_revision {
-        Some(expected) if expected != snapshot.revision => {
-            return Err(Error::RevisionMismatch { expected, actual: snapshot.revision });
-        }
-        _ => {}
-    }
-    match snapshot.life {
-        Life::AwaitingPrior | Life::Active => Ok(()),
-        Life::Quarantined => {
-            let session_id = snapshot.definition.session_id.clone();
-            Err(Error::SessionQuarantined { session_id })
-        }
-    }
-}
-
-fn head(snapshot: &Snapshot) -> SessionHead {
-    SessionHead {
-        session_id: snapshot.definition.session_id.clone(),
-        created_us: snapshot.definition.created_us,
-        state: to_proto::state(snapshot.life).into(),
-        summary: to_proto::session(snapshot).encode_to_vec(),
-    }
-}
-
-fn new_event(
-    after: &Snapshot,
+/// What was computed, taken apart: the new state, what lists say of it, and the event to append.
+fn recorded<S: Aggregate>(
+    computed: Computed<S>,
     request: &RequestKey,
     (kind, payload): StoredEvent,
-    reply: Vec<u8>,
     actor: &str,
-) -> NewEvent {
-    NewEvent {
-        seq: after.revision,
+) -> (S, SessionHead, NewEvent) {
+    let Computed { after, state, summary, reply, stats_after, state_hash, append_us } = computed;
+    let (session_id, created_us) = after.identity();
+    let head = SessionHead { session_id: session_id.to_owned(), created_us, state, summary };
+    let event = NewEvent {
+        seq: after.revision(),
         request_id: (!request.id.is_empty()).then(|| request.id.clone()),
         request_digest: request.digest.clone(),
         kind,
         payload,
         reply,
-        state_hash: after.state_hash(),
-        stats_after: to_proto::stats(&after.stats, after.last_update).encode_to_vec(),
-        algorithm_version: ALGORITHM_VERSION,
-        append_us: after.updated_us,
+        state_hash,
+        stats_after,
+        algorithm_version: S::ALGORITHM_VERSION,
+        append_us,
         actor: actor.to_owned(),
-    }
+    };
+    (after, head, event)
 }
 
-/// What a caller is told of the log's failures; conflicts are dealt with before.
-pub(crate) fn down(failure: StoreError) -> Error {
-    match failure {
-        StoreError::QueueFull => Error::QueueFull { queue: "write", retry_after: RETRY_WRITE_AFTER },
-        StoreError::Conflict => contended(),
-        StoreError::Down(detail) => Error::StoreDown { detail },
+impl From<StoreError> for Error {
+    /// What a caller is told of the log's failures; conflicts are dealt with before.
+    fn from(failure: StoreError) -> Self {
+        match failure {
+            StoreError::QueueFull => Self::QueueFull { queue: "write", retry_after: RETRY_WRITE_AFTER },
+            StoreError::Conflict => contended(),
+            StoreError::Down(detail) => Self::StoreDown { detail },
+        }
     }
 }
 

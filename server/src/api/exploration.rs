@@ -6,14 +6,13 @@ use palpate_core::evidence::Evidence;
 use palpate_core::exploration::{self, ProposalRequest};
 use palpate_proto::v1;
 use palpate_proto::v1::event::Kind;
-use prost::Message;
 use tokio::time::Instant;
 
-use super::{Api, Call, request_key, stored};
+use super::{Api, Call, computed, request_key, stored};
 use crate::error::{Error, FieldViolation};
 use crate::limits::Limits;
 use crate::session::Snapshot;
-use crate::sessions::{Change, RequestKey, Step};
+use crate::sessions::{Change, Computed, RequestKey};
 use crate::wire::{event, from_proto, to_proto};
 
 /// Where a caller wrote the parts of a request: the unary calls and the stream differ in that.
@@ -93,10 +92,10 @@ impl Api {
             from_proto::exploration_request(names.propose, propose, names.robot, robot, &self.limits)?;
         let event = event::encode(Kind::VisualPrior(prior.clone()));
         let limits = self.limits.clone();
-        let step = move |before: &Snapshot| absorb_prior(before, &prior, names.prior, &wanted, &limits);
+        let compute = move |before: &Snapshot| absorb_prior(before, &prior, names.prior, &wanted, &limits);
         let actor = actor.to_owned();
         let change =
-            Change { session_id, request: key, expected_revision, actor, event, step: Arc::new(step) };
+            Change { session_id, request: key, expected_revision, actor, event, compute: Arc::new(compute) };
         stored(&self.sessions.change(change, deadline).await?.bytes)
     }
 
@@ -114,7 +113,7 @@ impl Api {
         let top_k = top_k.max(1);
         let request =
             from_proto::exploration_request(names.propose, top_k, names.robot, robot.as_ref(), &self.limits)?;
-        let snapshot = self.sessions.snapshot(&session_id, deadline).await?;
+        let snapshot = self.sessions.newest(&session_id, deadline).await?;
         if snapshot.reconstruction.last_estimate().is_none() {
             return Err(Error::NoVisualPrior);
         }
@@ -141,10 +140,10 @@ impl Api {
         )?;
         let event = event::encode(Kind::ContactResult(result.clone()));
         let limits = self.limits.clone();
-        let step = move |before: &Snapshot| absorb_result(before, &result, &wanted, &limits);
+        let compute = move |before: &Snapshot| absorb_result(before, &result, &wanted, &limits);
         let actor = actor.to_owned();
         let change =
-            Change { session_id, request: key, expected_revision, actor, event, step: Arc::new(step) };
+            Change { session_id, request: key, expected_revision, actor, event, compute: Arc::new(compute) };
         let reply = self.sessions.change(change, deadline).await?;
         let first: v1::ReportContactResponse = stored(&reply.bytes)?;
         Ok(v1::ReportContactResponse { duplicate: reply.duplicate, ..first })
@@ -157,7 +156,7 @@ fn absorb_prior(
     path: &str,
     wanted: &ProposalRequest,
     limits: &Limits,
-) -> Result<Step, Error> {
+) -> Result<Computed<Snapshot>, Error> {
     let from_proto::Prior { evidence, dropped } = from_proto::visual_prior(path, prior)?;
     let accepted = evidence.points().len();
     let total = accepted + before.stats.visual_points as usize;
@@ -178,7 +177,7 @@ fn absorb_prior(
         warnings: update.warnings,
         should_stop: to_proto::stop_reason(after.should_stop).into(),
     };
-    Ok(Step { reply: reply.encode_to_vec(), after })
+    Ok(computed(after, &reply))
 }
 
 fn absorb_result(
@@ -186,7 +185,7 @@ fn absorb_result(
     result: &v1::ContactResult,
     wanted: &ProposalRequest,
     limits: &Limits,
-) -> Result<Step, Error> {
+) -> Result<Computed<Snapshot>, Error> {
     if before.stats.attempts >= limits.contacts {
         return Err(Error::TooLarge {
             what: format!("a session with {} contact results", before.stats.attempts + 1),
@@ -207,7 +206,7 @@ fn absorb_result(
         warnings: update.warnings,
         should_stop: to_proto::stop_reason(after.should_stop).into(),
     };
-    Ok(Step { reply: reply.encode_to_vec(), after })
+    Ok(computed(after, &reply))
 }
 
 fn next_candidates(after: &Snapshot, wanted: &ProposalRequest) -> Vec<v1::Candidate> {

@@ -19,7 +19,6 @@ use tracing::Instrument;
 use super::exploration::FieldNames;
 use super::{Api, Call, Replies, STREAM_BUFFER, request_key, stored};
 use crate::error::{Error, FieldViolation};
-use crate::sessions::down;
 use crate::wire::{from_proto, to_proto};
 
 /// Missed replies read from the log at once.
@@ -145,7 +144,7 @@ impl Stage {
             return Err(Error::field("open", "came before: a stream explores one session"));
         }
         from_proto::exploration_request(NAMES.propose, top_k, NAMES.robot, robot.as_ref(), &self.api.limits)?;
-        let snapshot = self.api.sessions.snapshot(&session_id, deadline).await?;
+        let snapshot = self.api.sessions.newest(&session_id, deadline).await?;
         if !(0..=snapshot.revision).contains(&resume_after_revision) {
             let revision = snapshot.revision;
             let description =
@@ -164,7 +163,7 @@ impl Stage {
     async fn missed(&self, session_id: &str, mut after: i64) -> Result<Vec<Told>, Error> {
         let mut missed = Vec::new();
         loop {
-            let rows = self.api.sessions.store.events(session_id, after, PAGE).await.map_err(down)?;
+            let rows = self.api.sessions.store.events(session_id, after, PAGE).await?;
             let Some(last) = rows.last() else { return Ok(missed) };
             after = last.seq;
             for row in &rows {

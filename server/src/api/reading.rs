@@ -4,7 +4,6 @@ use palpate_proto::v1;
 
 use super::{Api, Call, bad_page_token, page_size};
 use crate::error::Error;
-use crate::sessions::down;
 use crate::wire::event;
 
 /// Events read from the log at once, because clouds may be large.
@@ -41,12 +40,12 @@ impl Api {
         count: u32,
         include_points: bool,
     ) -> Result<v1::ListEventsResponse, Error> {
-        let row = self.sessions.store.session(&session_id).await.map_err(down)?;
+        let row = self.sessions.store.session(&session_id).await?;
         let head = row.ok_or(Error::SessionNotFound { session_id: session_id.clone() })?.head;
         let (mut events, mut last, mut bytes) = (Vec::new(), after, 0);
         while events.len() < count as usize && last < head && bytes < self.limits.message_bytes {
             let chunk = CHUNK.min(count - events.len() as u32);
-            for row in self.sessions.store.events(&session_id, last, chunk.into()).await.map_err(down)? {
+            for row in self.sessions.store.events(&session_id, last, chunk.into()).await? {
                 let size = if include_points { row.payload.len() } else { 0 };
                 if bytes > 0 && bytes + size > self.limits.message_bytes {
                     bytes += size;

@@ -7,10 +7,10 @@ use base64::engine::general_purpose::URL_SAFE_NO_PAD;
 use palpate_proto::v1;
 use palpate_proto::v1::event::Kind;
 
-use super::{Api, Call, bad_page_token, page_size, request_key, stored};
+use super::{Api, Call, bad_page_token, computed, page_size, request_key, stored};
 use crate::error::Error;
 use crate::session::Snapshot;
-use crate::sessions::{Creation, down};
+use crate::sessions::{Created, Creation};
 use crate::store::{Filter, PageEnd, SessionRow};
 use crate::wire::{event, from_proto, to_proto};
 
@@ -36,15 +36,19 @@ impl Api {
                 session_id: session_id.clone(),
                 request: request_key(&request.request_id, &request, &self.limits)?,
                 actor: call.actor.clone(),
-                define: Arc::new(move |session_id, now_us| {
+                create: Arc::new(move |session_id, now_us| {
                     let mut request =
                         v1::CreateSessionRequest { session_id: session_id.to_owned(), ..request.clone() };
                     let definition = from_proto::definition(&request, now_us, &limits)?;
                     // The log keeps the defaults of today, so that those of tomorrow change nothing.
                     request.config = Some(to_proto::session_config(&definition));
                     request.frame_id.clone_from(&definition.frame_id);
+                    let experiment = definition.experiment.clone();
+                    let labels = definition.labels.clone();
+                    let created = Snapshot::created(Arc::new(definition));
+                    let session = to_proto::session(&created);
                     let event = event::encode(Kind::Created(request));
-                    Ok((Snapshot::created(Arc::new(definition)), event))
+                    Ok(Created { event, computed: computed(created, &session), experiment, labels })
                 }),
             };
             stored(&self.sessions.create(creation).await?.bytes)
@@ -66,7 +70,7 @@ impl Api {
             if let Some(snapshot) = self.sessions.loaded(&session_id) {
                 return Ok(to_proto::session(&snapshot));
             }
-            let row = self.sessions.store.session(&session_id).await.map_err(down)?;
+            let row = self.sessions.store.session(&session_id).await?;
             let row = row.ok_or_else(|| Error::SessionNotFound { session_id: session_id.clone() })?;
             stored(&row.summary)
         })
@@ -95,7 +99,7 @@ impl Api {
             };
             // One more than asked for tells whether there is a next page.
             let wanted = i64::try_from(count + 1).unwrap_or(i64::MAX);
-            let mut rows = self.sessions.store.list(&filter, after.as_ref(), wanted).await.map_err(down)?;
+            let mut rows = self.sessions.store.list(&filter, after.as_ref(), wanted).await?;
             let has_more = rows.len() > count;
             rows.truncate(count);
             let next_page_token = rows.last().filter(|_| has_more).map(encode_token).unwrap_or_default();

@@ -8,7 +8,7 @@ use tempfile::TempDir;
 
 use super::*;
 use crate::session::Snapshot;
-use crate::sessions::{Change, Step};
+use crate::sessions::Change;
 
 async fn service(folder: &TempDir, limits: Limits) -> Api {
     let store = Store::open(&folder.path().join("log.db"), &limits).await.unwrap();
@@ -47,7 +47,7 @@ fn view(session_id: &str, request_id: &str, shift_m: f32) -> v1::AddVisualPriorR
 
 async fn newest_hash(api: &Api, session_id: &str) -> String {
     let deadline = Instant::now() + Duration::from_secs(20);
-    api.sessions.snapshot(session_id, deadline).await.unwrap().state_hash()
+    api.sessions.newest(session_id, deadline).await.unwrap().state_hash()
 }
 
 #[tokio::test]
@@ -100,9 +100,9 @@ async fn an_event_that_cannot_be_replayed_quarantines_its_session_alone() {
         expected_revision: None,
         actor: String::new(),
         event: ("visual_prior", vec![255; 9]),
-        step: Arc::new(|before| {
+        compute: Arc::new(|before: &Snapshot| {
             let after = Snapshot { revision: before.revision + 1, ..before.clone() };
-            Ok(Step { after, reply: Vec::new() })
+            Ok(computed(after, &v1::AddVisualPriorResponse::default()))
         }),
     };
     api.sessions.change(damage, deadline).await.unwrap();
@@ -131,7 +131,7 @@ async fn a_panic_is_internal_for_its_call_and_changes_nothing() {
         expected_revision: None,
         actor: String::new(),
         event: ("visual_prior", Vec::new()),
-        step: Arc::new(|before| {
+        compute: Arc::new(|before: &Snapshot| {
             assert_eq!(before.revision, 0, "on purpose");
             Err(Error::NoVisualPrior)
         }),

@@ -15,7 +15,7 @@ use super::{Api, Call, Replies, STREAM_BUFFER};
 use crate::error::Error;
 use crate::limits::Limits;
 use crate::session::Snapshot;
-use crate::sessions::down;
+use crate::sessions::FoldError;
 use crate::store::EventRow;
 use crate::wire::event;
 
@@ -130,8 +130,7 @@ impl Watcher {
     /// Sends what the log has beyond the last event sent; false when the caller is gone.
     async fn send_new_events(&mut self) -> Result<bool, Error> {
         loop {
-            let rows =
-                self.api.sessions.store.events(&self.session_id, self.sent, PAGE).await.map_err(down)?;
+            let rows = self.api.sessions.store.events(&self.session_id, self.sent, PAGE).await?;
             if rows.is_empty() {
                 return Ok(true);
             }
@@ -144,7 +143,7 @@ impl Watcher {
     }
 
     async fn send_event(&mut self, row: EventRow) -> Result<bool, Error> {
-        let unreadable = |error: event::FoldError| Error::internal(error.to_string());
+        let unreadable = |error: FoldError| Error::internal(error.to_string());
         let seq = row.seq;
         let (session, candidates) = event::reply_after(&row).map_err(unreadable)?;
         let event = event::decode(row, false).map_err(unreadable)?;

@@ -1,17 +1,15 @@
 //! Creating a session: the id is taken once, also when the server chooses it and the call is retried.
 
-use prost::Message;
 use uuid::Uuid;
 
-use super::{ATTEMPTS, Creation, Reply, RequestKey, Sessions, contended, down, head, new_event};
+use super::{ATTEMPTS, Aggregate, Created, Creation, Reply, RequestKey, Sessions, contended, recorded};
 use crate::error::Error;
 use crate::session::now_us;
 use crate::store::{NewSession, StoreError};
-use crate::wire::to_proto;
 
-impl Sessions {
-    pub(super) async fn create_now(&self, creation: &Creation) -> Result<Reply, Error> {
-        let Creation { session_id: wanted, request, actor, define } = creation;
+impl<S: Aggregate> Sessions<S> {
+    pub(super) async fn create_now(&self, creation: &Creation<S>) -> Result<Reply, Error> {
+        let Creation { session_id: wanted, request, actor, create } = creation;
         self.refuse_while_stopping()?;
         let session_id = if wanted.is_empty() { Uuid::now_v7().to_string() } else { wanted.clone() };
         for _ in 0..ATTEMPTS {
@@ -19,26 +17,19 @@ impl Sessions {
                 return Ok(first);
             }
             self.check_quota().await?;
-            let (snapshot, event) = define(&session_id, now_us())?;
-            let session = NewSession {
-                head: head(&snapshot),
-                experiment: snapshot.definition.experiment.clone(),
-                labels: snapshot.definition.labels.clone(),
-                id_is_ours: wanted.is_empty(),
-            };
-            let reply = to_proto::session(&snapshot).encode_to_vec();
-            match self.store.create(session, new_event(&snapshot, request, event, reply.clone(), actor)).await
-            {
+            let Created { event, computed, experiment, labels } = create(&session_id, now_us())?;
+            let (_, head, event) = recorded(computed, request, event, actor);
+            let session = NewSession { head, experiment, labels, id_is_ours: wanted.is_empty() };
+            let reply = event.reply.clone();
+            match self.store.create(session, event).await {
                 Ok(()) => return Ok(Reply { bytes: reply, duplicate: false }),
-                Err(StoreError::Conflict)
-                    if self.store.session(&session_id).await.map_err(down)?.is_some() =>
-                {
+                Err(StoreError::Conflict) if self.store.session(&session_id).await?.is_some() => {
                     // The same request may have won the race against itself.
                     let first = self.first_creation(wanted, request).await?;
                     return first.ok_or(Error::SessionExists { session_id });
                 }
                 Err(StoreError::Conflict) => {}
-                Err(failure) => return Err(down(failure)),
+                Err(failure) => return Err(failure.into()),
             }
         }
         Err(contended())
@@ -51,7 +42,7 @@ impl Sessions {
         if !wanted.is_empty() {
             return self.first_reply(wanted, request).await;
         }
-        let Some(session_id) = self.store.created_by(&request.id).await.map_err(down)? else {
+        let Some(session_id) = self.store.created_by(&request.id).await? else {
             return Ok(None);
         };
         // It may have been deleted since: a late retry must not bring it back.
@@ -60,7 +51,7 @@ impl Sessions {
     }
 
     async fn check_quota(&self) -> Result<(), Error> {
-        let count = self.store.session_count().await.map_err(down)?;
+        let count = self.store.session_count().await?;
         if u64::try_from(count).unwrap_or(0) < self.limits.sessions {
             return Ok(());
         }

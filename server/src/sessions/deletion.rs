@@ -1,14 +1,14 @@
-//! Deleting a session, for good: it takes a turn like any change, and a retry is answered as before.
+//! Deleting a session, for good: it waits for its permit like any change, and a retry is answered as before.
 
 use tokio::time::Instant;
 
-use super::{ATTEMPTS, RequestKey, Sessions, contended, down};
+use super::{ATTEMPTS, Aggregate, RequestKey, Sessions, contended};
 use crate::error::Error;
 use crate::session::etag;
 use crate::store::{Deletion, StoreError};
 
-impl Sessions {
-    pub(super) async fn delete_in_turn(
+impl<S: Aggregate> Sessions<S> {
+    pub(super) async fn delete_in_order(
         &self,
         session_id: &str,
         wanted_etag: &str,
@@ -17,9 +17,9 @@ impl Sessions {
     ) -> Result<(), Error> {
         self.refuse_while_stopping()?;
         let live = self.live.get(session_id);
-        let _turn = live.turn(deadline).await?;
+        let _permit = live.permit(deadline).await?;
         if !request.id.is_empty() {
-            match self.store.deleted_by(session_id, &request.id).await.map_err(down)? {
+            match self.store.deleted_by(session_id, &request.id).await? {
                 None => {}
                 Some(digest) if digest == request.digest => return Ok(()),
                 Some(_) => return Err(Error::RequestIdReused { request_id: request.id.clone() }),
@@ -27,7 +27,7 @@ impl Sessions {
         }
         for _ in 0..ATTEMPTS {
             // The row and not the snapshot: also a log that cannot be replayed can be removed.
-            let Some(row) = self.store.session(session_id).await.map_err(down)? else {
+            let Some(row) = self.store.session(session_id).await? else {
                 live.mark_gone();
                 self.live.forget(session_id, &live);
                 return Err(Error::SessionNotFound { session_id: session_id.to_owned() });
@@ -49,7 +49,7 @@ impl Sessions {
                     return Ok(());
                 }
                 Err(StoreError::Conflict) => {}
-                Err(failure) => return Err(down(failure)),
+                Err(failure) => return Err(failure.into()),
             }
         }
         Err(contended())

@@ -13,15 +13,8 @@ use prost::Message;
 use super::{from_proto, to_proto};
 use crate::limits::Limits;
 use crate::session::Snapshot;
+use crate::sessions::FoldError;
 use crate::store::EventRow;
-
-/// Why a stored event cannot be applied; for the log.
-#[derive(Debug, thiserror::Error)]
-#[error("event {seq}: {reason}")]
-pub(crate) struct FoldError {
-    seq: i64,
-    reason: String,
-}
 
 /// The stored form of an event: its name for people who read the table, and its bytes.
 pub(crate) fn encode(kind: Kind) -> (&'static str, Vec<u8>) {

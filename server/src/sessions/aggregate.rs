@@ -1,0 +1,68 @@
+//! What [`Sessions`](super::Sessions) needs to know of a state, and the bytes that come with one.
+//!
+//! The service keeps snapshots of reconstructions; the tests of this layer keep a toy. Neither the
+//! bytes nor the state behind the trait are looked into.
+
+use crate::error::Error;
+use crate::store::EventRow;
+
+/// The state of one session after one of its events: never changed, shared by readers.
+pub(crate) trait Aggregate: Send + Sync + Sized + 'static {
+    /// Under which a state hash was computed; hashes of two versions are not compared.
+    const ALGORITHM_VERSION: &'static str;
+
+    /// The session's id, and when it was created: together they tell it from an earlier one of the same id.
+    fn identity(&self) -> (&str, i64);
+
+    /// The seq of the last event.
+    fn revision(&self) -> i64;
+
+    /// The digest of the state, as the log has it.
+    fn state_hash(&self) -> String;
+
+    /// Whether the session takes events.
+    ///
+    /// # Errors
+    /// Why it does not.
+    fn check_open(&self) -> Result<(), Error>;
+
+    /// The same state, set aside because the event `revision` cannot be replayed on it.
+    fn quarantined(&self, revision: i64) -> Self;
+}
+
+/// Makes the state after a stored event, which is the creation where there is no state before.
+pub(crate) type Fold<S> = fn(Option<&S>, &EventRow) -> Result<S, FoldError>;
+
+/// Why a stored event cannot be applied; for the log.
+#[derive(Debug, thiserror::Error)]
+#[error("event {seq}: {reason}")]
+pub(crate) struct FoldError {
+    pub(crate) seq: i64,
+    pub(crate) reason: String,
+}
+
+/// An event's name and bytes.
+pub(crate) type StoredEvent = (&'static str, Vec<u8>);
+
+/// What a change computed: the state after it, and all that the log keeps beside the event.
+pub(crate) struct Computed<S> {
+    pub(crate) after: S,
+    /// What the caller is told, and is told again on a retry.
+    pub(crate) reply: Vec<u8>,
+    /// The number by which lists are filtered.
+    pub(crate) state: i32,
+    /// The session as lists show it.
+    pub(crate) summary: Vec<u8>,
+    pub(crate) stats_after: Vec<u8>,
+    pub(crate) state_hash: String,
+    /// When the event was accepted, in microseconds since 1970, UTC.
+    pub(crate) append_us: i64,
+}
+
+/// A session that is about to be created.
+pub(crate) struct Created<S> {
+    pub(crate) event: StoredEvent,
+    pub(crate) computed: Computed<S>,
+    pub(crate) experiment: String,
+    pub(crate) labels: std::collections::BTreeMap<String, String>,
+}

@@ -1,0 +1,381 @@
+//! Any sequence of operations, against a model that fits on a page: real store, real pool, toy state.
+//!
+//! Sessions, request ids and bodies come from a handful, so that retries, reuse of ids, deletions and
+//! creations anew meet all the time; two states fit into memory, so that sessions are replayed as often.
+
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+
+use proptest::prelude::*;
+use proptest::test_runner::{Config, RngSeed, TestRunner};
+use tempfile::TempDir;
+use tokio::runtime::Runtime;
+
+use super::*;
+use crate::session::{etag, now_us};
+use crate::store::EventRow;
+
+/// The bytes of all events so far, which are thus the state, its hash and every reply.
+#[derive(Clone, Debug)]
+struct Toy {
+    id: String,
+    created_us: i64,
+    bytes: Vec<u8>,
+}
+
+impl Aggregate for Toy {
+    const ALGORITHM_VERSION: &'static str = "toy";
+
+    fn identity(&self) -> (&str, i64) {
+        (&self.id, self.created_us)
+    }
+
+    fn revision(&self) -> i64 {
+        self.bytes.len() as i64
+    }
+
+    fn state_hash(&self) -> String {
+        format!("{:?}", self.bytes)
+    }
+
+    fn check_open(&self) -> Result<(), Error> {
+        Ok(())
+    }
+
+    fn quarantined(&self, _revision: i64) -> Self {
+        panic!("every log of this test can be replayed")
+    }
+}
+
+fn fold(before: Option<&Toy>, row: &EventRow) -> Result<Toy, FoldError> {
+    let [id @ .., byte] = row.payload.as_slice() else { panic!("an event has a byte") };
+    let created =
+        || Toy { id: String::from_utf8_lossy(id).into_owned(), created_us: row.append_us, bytes: Vec::new() };
+    let toy = before.map_or_else(created, Toy::clone).with(*byte);
+    assert_eq!(toy.state_hash(), row.state_hash, "the state is the one that was recorded");
+    Ok(toy)
+}
+
+impl Toy {
+    fn with(mut self, byte: u8) -> Self {
+        self.bytes.push(byte);
+        self
+    }
+
+    fn computed(self) -> Computed<Self> {
+        Computed {
+            reply: self.bytes.clone(),
+            state: 0,
+            summary: Vec::new(),
+            stats_after: Vec::new(),
+            state_hash: self.state_hash(),
+            append_us: self.created_us,
+            after: self,
+        }
+    }
+}
+
+/// The body of a request that the method refuses.
+const REFUSED: u8 = 3;
+/// The request id that is none.
+const NO_ID: u8 = 0;
+
+#[derive(Clone, Copy, Debug)]
+enum Guard {
+    None,
+    Right,
+    Stale,
+}
+
+#[derive(Clone, Debug)]
+enum Op {
+    Create {
+        session: u8,
+        request: u8,
+        body: u8,
+    },
+    Append {
+        session: u8,
+        request: u8,
+        body: u8,
+        guard: Guard,
+    },
+    /// The same request, sent twice at once.
+    AppendTwice {
+        session: u8,
+        request: u8,
+        body: u8,
+    },
+    Delete {
+        session: u8,
+        request: u8,
+        body: u8,
+        guard: Guard,
+    },
+    Read {
+        session: u8,
+        back: i64,
+    },
+    /// The process is gone, with all that it had in memory.
+    Crash,
+}
+
+fn op() -> impl Strategy<Value = Op> {
+    let key = || (0..3_u8, 0..5_u8, 0..=REFUSED);
+    let guard = || prop_oneof![3 => Just(Guard::None), 1 => Just(Guard::Right), 1 => Just(Guard::Stale)];
+    prop_oneof![
+        20 => key().prop_map(|(session, request, body)| Op::Create { session, request, body }),
+        60 => (key(), guard())
+            .prop_map(|((session, request, body), guard)| Op::Append { session, request, body, guard }),
+        10 => key().prop_map(|(session, request, body)| Op::AppendTwice { session, request, body }),
+        15 => (key(), guard())
+            .prop_map(|((session, request, body), guard)| Op::Delete { session, request, body, guard }),
+        30 => (0..3_u8, 0..4_i64).prop_map(|(session, back)| Op::Read { session, back }),
+        1 => Just(Op::Crash),
+    ]
+}
+
+/// One operation, or a session that is replaced by a grown one of the same id and looked back into.
+fn ops() -> impl Strategy<Value = Vec<Op>> {
+    let append = |session| Op::Append { session, request: NO_ID, body: 1, guard: Guard::None };
+    let replace = move |(session, body): (u8, u8)| {
+        let delete = Op::Delete { session, request: NO_ID, body, guard: Guard::None };
+        let create = Op::Create { session, request: NO_ID, body };
+        let back = Op::Read { session, back: 1 };
+        vec![back.clone(), delete, create, append(session), append(session), back]
+    };
+    prop_oneof![20 => op().prop_map(|op| vec![op]), 1 => (0..3_u8, 0..3_u8).prop_map(replace)]
+}
+
+/// The bytes of a reply and whether it is a repeated one, or the reason of a refusal.
+type Outcome = Result<(Vec<u8>, bool), &'static str>;
+
+/// A request's kind and body.
+type Digest = (char, u8);
+
+/// What must be true.
+#[derive(Debug, Default)]
+struct Model {
+    sessions: BTreeMap<u8, Vec<u8>>,
+    /// By session and request id.
+    replies: BTreeMap<(u8, u8), (Digest, Vec<u8>)>,
+    deletions: BTreeMap<(u8, u8), u8>,
+}
+
+impl Model {
+    fn create(&mut self, session: u8, request: u8, body: u8) -> Outcome {
+        match self.first_reply(session, request, ('c', body)) {
+            Some(outcome) => outcome,
+            None if self.sessions.contains_key(&session) => Err("SESSION_EXISTS"),
+            None => self.accept(session, request, ('c', body)),
+        }
+    }
+
+    fn append(&mut self, session: u8, request: u8, body: u8, guard: Guard) -> Outcome {
+        match (self.sessions.get(&session), self.first_reply(session, request, ('a', body)), guard) {
+            (None, ..) => Err("SESSION_NOT_FOUND"),
+            (_, Some(outcome), _) => outcome,
+            (_, None, Guard::Stale) => Err("REVISION_MISMATCH"),
+            _ if body == REFUSED => Err("NO_VISUAL_PRIOR"),
+            _ => self.accept(session, request, ('a', body)),
+        }
+    }
+
+    fn first_reply(&self, session: u8, request: u8, digest: Digest) -> Option<Outcome> {
+        let (first, reply) = self.replies.get(&(session, request))?;
+        Some(if *first == digest { Ok((reply.clone(), true)) } else { Err("REQUEST_ID_REUSED") })
+    }
+
+    fn accept(&mut self, session: u8, request: u8, digest: Digest) -> Outcome {
+        let bytes = self.sessions.entry(session).or_default();
+        bytes.push(digest.1);
+        if request != NO_ID {
+            self.replies.insert((session, request), (digest, bytes.clone()));
+        }
+        Ok((bytes.clone(), false))
+    }
+
+    fn delete(&mut self, session: u8, request: u8, body: u8, guard: Guard) -> Result<(), &'static str> {
+        match (self.deletions.get(&(session, request)), guard) {
+            (Some(first), _) if *first == body => return Ok(()),
+            (Some(_), _) => return Err("REQUEST_ID_REUSED"),
+            (None, _) if !self.sessions.contains_key(&session) => return Err("SESSION_NOT_FOUND"),
+            (None, Guard::Stale) => return Err("ETAG_MISMATCH"),
+            _ => {}
+        }
+        self.sessions.remove(&session);
+        self.replies.retain(|(of, _), _| *of != session);
+        if request != NO_ID {
+            self.deletions.insert((session, request), body);
+        }
+        Ok(())
+    }
+
+    fn read(&self, session: u8, back: i64) -> Result<&[u8], &'static str> {
+        let bytes = self.sessions.get(&session).ok_or("SESSION_NOT_FOUND")?;
+        // Revision 0 is the newest, as in the contract.
+        let revision = usize::try_from(bytes.len() as i64 - back).map_err(|_| "FIELD_INVALID")?;
+        Ok(if revision == 0 { bytes } else { &bytes[..revision] })
+    }
+}
+
+/// The sessions under test, over a database that all sequences share; each has ids of its own in it.
+struct World {
+    runtime: Runtime,
+    folder: TempDir,
+    sessions: Arc<Sessions<Toy>>,
+    sequence: usize,
+}
+
+impl World {
+    fn new() -> Self {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let sessions = runtime.block_on(open(&folder));
+        Self { runtime, folder, sessions, sequence: 0 }
+    }
+
+    fn id(&self, session: u8) -> String {
+        format!("toy-{}-{session}", self.sequence)
+    }
+
+    fn key(&self, kind: char, request: u8, body: u8) -> RequestKey {
+        let id = if request == NO_ID { String::new() } else { format!("{}-{request}", self.sequence) };
+        RequestKey { id, digest: vec![kind as u8, body] }
+    }
+
+    fn create(&self, session: u8, request: u8, body: u8) -> Outcome {
+        let create = Arc::new(move |id: &str, created_us| {
+            let toy = Toy { id: id.to_owned(), created_us, bytes: Vec::new() }.with(body);
+            Ok(Created {
+                event: ("toy", [id.as_bytes(), &[body]].concat()),
+                computed: toy.computed(),
+                experiment: String::new(),
+                labels: BTreeMap::new(),
+            })
+        });
+        let request = self.key('c', request, body);
+        let creation = Creation { session_id: self.id(session), request, actor: String::new(), create };
+        outcome(self.runtime.block_on(self.sessions.create(creation)))
+    }
+
+    fn append(&self, session: u8, request: u8, body: u8, expected_revision: Option<i64>) -> Change<Toy> {
+        let compute = Arc::new(move |before: &Toy| match body {
+            REFUSED => Err(Error::NoVisualPrior),
+            _ => Ok(before.clone().with(body).computed()),
+        });
+        let request = self.key('a', request, body);
+        let event = ("toy", vec![body]);
+        Change {
+            session_id: self.id(session),
+            request,
+            expected_revision,
+            actor: String::new(),
+            event,
+            compute,
+        }
+    }
+
+    fn delete(&self, session: u8, request: u8, body: u8, guard: Guard) -> Result<(), &'static str> {
+        let (id, request) = (self.id(session), self.key('d', request, body));
+        self.runtime.block_on(async {
+            let wanted_etag = match guard {
+                Guard::None => String::new(),
+                Guard::Stale => "stale".to_owned(),
+                Guard::Right => {
+                    let row = self.sessions.store.session(&id).await.unwrap();
+                    row.map_or_else(String::new, |row| etag(row.created_us, row.head))
+                }
+            };
+            let deleted = self.sessions.delete(id, wanted_etag, request, soon()).await;
+            deleted.map_err(|refusal| refusal.reason())
+        })
+    }
+
+    /// Runs `op` on both, and says where they part.
+    fn check(&mut self, model: &mut Model, op: &Op) -> Result<(), TestCaseError> {
+        match *op {
+            Op::Create { session, request, body } => {
+                prop_assert_eq!(self.create(session, request, body), model.create(session, request, body));
+            }
+            Op::Append { session, request, body, guard } => {
+                let head = model.sessions.get(&session).map_or(0, |bytes| bytes.len() as i64);
+                let expected = match guard {
+                    Guard::None => None,
+                    Guard::Right => Some(head),
+                    Guard::Stale => Some(head - 1),
+                };
+                let change = self.append(session, request, body, expected);
+                let outcome = outcome(self.runtime.block_on(self.sessions.change(change, soon())));
+                prop_assert_eq!(outcome, model.append(session, request, body, guard));
+            }
+            Op::AppendTwice { session, request, body } => {
+                let [one, other] = [(); 2].map(|()| self.append(session, request, body, None));
+                let both = async {
+                    tokio::join!(self.sessions.change(one, soon()), self.sessions.change(other, soon()))
+                };
+                let (one, other) = self.runtime.block_on(both);
+                let mut outcomes = [outcome(one), outcome(other)];
+                let mut expected = [(); 2].map(|()| model.append(session, request, body, Guard::None));
+                outcomes.sort();
+                expected.sort();
+                prop_assert_eq!(outcomes, expected);
+            }
+            Op::Delete { session, request, body, guard } => {
+                let deleted = self.delete(session, request, body, guard);
+                prop_assert_eq!(deleted, model.delete(session, request, body, guard));
+            }
+            Op::Read { session, back } => {
+                let head = model.sessions.get(&session).map_or(0, |bytes| bytes.len() as i64);
+                let id = self.id(session);
+                let read = self.runtime.block_on(self.sessions.at_revision(&id, head - back, soon()));
+                let read = read.as_ref().map(|toy| toy.bytes.as_slice()).map_err(Error::reason);
+                prop_assert_eq!(read, model.read(session, back));
+            }
+            Op::Crash => self.sessions = self.runtime.block_on(open(&self.folder)),
+        }
+        Ok(())
+    }
+}
+
+async fn open(folder: &TempDir) -> Arc<Sessions<Toy>> {
+    let limits = Limits { live_sessions: 2, past_states: 2, ..Limits::default() };
+    let store = Store::open(&folder.path().join("log.db"), &limits).await.unwrap();
+    let pool = Pool::new(2, limits.compute_queue_per_core);
+    Arc::new(Sessions::new(store, pool, fold, Arc::new(limits), CancellationToken::new()))
+}
+
+fn outcome(reply: Result<Reply, Error>) -> Outcome {
+    reply.map(|Reply { bytes, duplicate }| (bytes, duplicate)).map_err(|refusal| refusal.reason())
+}
+
+fn soon() -> Instant {
+    Instant::now() + Duration::from_secs(60)
+}
+
+#[test]
+fn any_sequence_of_operations_ends_as_the_model_says() {
+    /// Each with a database of its own: they mostly wait for the disk.
+    const THREADS: u64 = 4;
+    const SEQUENCES_EACH: u32 = 500;
+    let given = std::env::var("PALPATE_TEST_SEED").ok().and_then(|seed| seed.parse().ok());
+    let seed: u64 = given.unwrap_or_else(|| now_us() as u64);
+    let run = move |thread: u64| {
+        let rng_seed = RngSeed::Fixed(seed + thread);
+        let config =
+            Config { cases: SEQUENCES_EACH, rng_seed, failure_persistence: None, ..Config::default() };
+        let world = RefCell::new(World::new());
+        TestRunner::new(config).run(&proptest::collection::vec(ops(), 8..24), |ops| {
+            let (mut world, mut model) = (world.borrow_mut(), Model::default());
+            world.sequence += 1;
+            ops.iter().flatten().try_for_each(|op| world.check(&mut model, op))
+        })
+    };
+    let outcomes = std::thread::scope(|scope| {
+        let threads: Vec<_> = (0..THREADS).map(|thread| scope.spawn(move || run(thread))).collect();
+        threads.into_iter().map(|thread| thread.join().unwrap()).collect::<Vec<_>>()
+    });
+    let failures: Vec<String> =
+        outcomes.into_iter().filter_map(Result::err).map(|failure| failure.to_string()).collect();
+    assert!(failures.is_empty(), "PALPATE_TEST_SEED={seed} runs this again: {}", failures.join("\n"));
+}
