@@ -32,7 +32,7 @@ use crate::limits::Limits;
 use crate::session::Snapshot;
 use crate::sessions::{Aggregate, Computed, RequestKey, Sessions};
 use crate::store::Store;
-use crate::wire::{event, to_proto};
+use crate::wire::{event, from_proto, to_proto};
 
 /// Messages of a stream that wait for a slow reader; the producer then waits too.
 const STREAM_BUFFER: usize = 16;
@@ -123,7 +123,7 @@ impl Api {
     }
 
     /// Gives `work` until the caller's deadline and logs what became of it: one line for each call.
-    async fn answer<T>(
+    async fn run<T>(
         &self,
         method: &'static str,
         session_id: &str,
@@ -140,6 +140,21 @@ impl Api {
             outcome
         }
         .instrument(span)
+        .await
+    }
+
+    /// [`Api::run`] for a call that is about one session and has to name it.
+    async fn run_on_session<T>(
+        &self,
+        method: &'static str,
+        session_id: &str,
+        call: &Call,
+        work: impl AsyncFnOnce(Instant) -> Result<T, Error>,
+    ) -> Result<T, Error> {
+        self.run(method, session_id, call, async |deadline| {
+            from_proto::check_session_named("session_id", session_id)?;
+            work(deadline).await
+        })
         .await
     }
 
@@ -171,7 +186,7 @@ fn three_digits(value: f64) -> f64 {
 
 /// Tells a retry of `request` from another request under the same id.
 fn request_key<M: Message + Name>(id: &str, request: &M, limits: &Limits) -> Result<RequestKey, Error> {
-    crate::wire::from_proto::check_text("request_id", id, limits.name_bytes)?;
+    from_proto::check_text("request_id", id, limits.name_bytes)?;
     let mut hash = Sha256::new();
     hash.update(M::full_name());
     // Maps are ordered in the generated code, so equal messages have equal bytes.

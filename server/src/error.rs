@@ -20,6 +20,16 @@ pub(crate) enum Error {
         /// Which was asked for.
         session_id: String,
     },
+    /// The request created a session that is gone.
+    #[error(
+        "request_id {request_id:?} created the session {session_id:?}, which was deleted since: a new session needs a new request_id"
+    )]
+    SessionDeleted {
+        /// Which was created then.
+        session_id: String,
+        /// Under which request.
+        request_id: String,
+    },
     /// The id is taken.
     #[error("a session {session_id:?} exists already: choose another session_id, or leave it empty")]
     SessionExists {
@@ -151,7 +161,7 @@ impl Error {
         match self {
             Self::Fields(fields) if fields.iter().any(|field| field.non_finite) => "NON_FINITE",
             Self::Fields(_) => "FIELD_INVALID",
-            Self::SessionNotFound { .. } => "SESSION_NOT_FOUND",
+            Self::SessionNotFound { .. } | Self::SessionDeleted { .. } => "SESSION_NOT_FOUND",
             Self::SessionExists { .. } => "SESSION_EXISTS",
             Self::RequestIdReused { .. } => "REQUEST_ID_REUSED",
             Self::RevisionMismatch { .. } => "REVISION_MISMATCH",
@@ -173,7 +183,7 @@ impl Error {
     pub(crate) fn grpc_code(&self) -> Code {
         match self {
             Self::Fields(_) => Code::InvalidArgument,
-            Self::SessionNotFound { .. } => Code::NotFound,
+            Self::SessionNotFound { .. } | Self::SessionDeleted { .. } => Code::NotFound,
             Self::SessionExists { .. } | Self::RequestIdReused { .. } => Code::AlreadyExists,
             Self::RevisionMismatch { .. } | Self::EtagMismatch { .. } => Code::Aborted,
             Self::NoVisualPrior | Self::SessionQuarantined { .. } => Code::FailedPrecondition,
@@ -189,7 +199,7 @@ impl Error {
     pub(crate) fn http_status(&self) -> StatusCode {
         match self {
             Self::Fields(_) => StatusCode::UNPROCESSABLE_ENTITY,
-            Self::SessionNotFound { .. } => StatusCode::NOT_FOUND,
+            Self::SessionNotFound { .. } | Self::SessionDeleted { .. } => StatusCode::NOT_FOUND,
             Self::SessionExists { .. }
             | Self::RequestIdReused { .. }
             | Self::RevisionMismatch { .. }

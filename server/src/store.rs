@@ -81,7 +81,7 @@ impl Store {
     /// Writes a session with its first event.
     ///
     /// # Errors
-    /// [`StoreError::Conflict`] when the id, or the request id of a creation without id, is taken.
+    /// [`StoreError::Conflict`] when the id is taken, or the request id made another session.
     pub(crate) async fn create(&self, session: NewSession, event: NewEvent) -> Result<(), StoreError> {
         self.write(Change::Create(Box::new((session, event)))).await
     }

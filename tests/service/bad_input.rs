@@ -4,7 +4,8 @@ use palpate_proto::v1;
 use palpate_proto::v1::contact_result::Outcome as Said;
 
 use crate::harness::{
-    Caller, Outcome, Server, Transport, cap, cloud, creation, prior, question, report, result, touch,
+    Caller, Outcome, Server, Transport, accepted, cap, cloud, creation, prior, question, reply, report,
+    result, touch,
 };
 
 /// What is wrong, the field that is named, the reason, and how to make it wrong.
@@ -267,6 +268,54 @@ async fn a_bad_configuration_is_refused_by_name_and_creates_nothing() {
         }
     }
     assert_eq!(server.grpc().list(v1::ListSessionsRequest::default()).await.unwrap().sessions, []);
+}
+
+#[tokio::test]
+async fn a_call_that_names_no_session_is_refused_by_that_field() {
+    let server = Server::start().await;
+    let caller = server.grpc();
+    const FIELD: &str = "session_id";
+    check(caller.get("").await, "GetSession", FIELD, INVALID);
+    check(caller.delete(v1::DeleteSessionRequest::default()).await, "DeleteSession", FIELD, INVALID);
+    check(caller.add_prior(prior("")).await, "AddVisualPrior", FIELD, INVALID);
+    check(caller.propose(question("", 1)).await, "ProposeContacts", FIELD, INVALID);
+    let nothing = v1::ContactResult::default();
+    check(caller.report(report("", nothing, "report")).await, "ReportContact", FIELD, INVALID);
+    check(caller.mesh(v1::GetMeshRequest::default()).await, "GetMesh", FIELD, INVALID);
+    check(caller.events(v1::ListEventsRequest::default()).await, "ListEvents", FIELD, INVALID);
+    let mut reconstruction = caller.reconstruction();
+    let watch = reply(reconstruction.watch_session(v1::WatchSessionRequest::default())).await;
+    check(watch, "WatchSession", FIELD, INVALID);
+
+    let open = v1::explore_request::Message::Open(v1::ExploreOpen::default());
+    let open = v1::ExploreRequest { message: Some(open), ..Default::default() };
+    let mut answers = reply(caller.exploration().explore(tokio_stream::iter([open]))).await.unwrap();
+    match answers.message().await.unwrap().unwrap().message {
+        Some(v1::explore_response::Message::Problem(problem)) => {
+            assert_eq!(
+                (problem.reason.as_str(), problem.fields[0].field.as_str()),
+                (INVALID, "open.session_id")
+            );
+        }
+        other => panic!("an open without a session was answered by {other:?}"),
+    }
+
+    // Over HTTP the session is part of the path.
+    let http = server.http();
+    let body = serde_json::json!({});
+    let delete = http.request(reqwest::Method::DELETE, "/v1/sessions/");
+    for request in [http.get("/v1/sessions/"), delete] {
+        assert_eq!(accepted(request).await.unwrap_err().reason, "NO_SUCH_PATH");
+    }
+    for (what, request) in [
+        ("mesh", http.get("/v1/sessions//mesh")),
+        ("events", http.get("/v1/sessions//events")),
+        ("priors", http.post("/v1/sessions//priors", &body)),
+        ("candidates", http.post("/v1/sessions//candidates", &body)),
+        ("contacts", http.post("/v1/sessions//contacts", &body)),
+    ] {
+        check(accepted(request).await, what, FIELD, INVALID);
+    }
 }
 
 #[tokio::test]

@@ -17,7 +17,8 @@ async fn nothing_is_found_of_a_deleted_session() {
     let server = Server::start().await;
     for transport in Transport::BOTH {
         let caller = server.caller(transport);
-        caller.begin("ball").await;
+        let request_id = format!("create-{transport:?}");
+        caller.create(v1::CreateSessionRequest { request_id, ..creation("ball") }).await.unwrap();
         caller.delete(deletion("ball", "", "")).await.unwrap();
         assert_eq!(caller.get("ball").await.unwrap_err().reason, "SESSION_NOT_FOUND");
         assert_eq!(caller.propose(question("ball", 1)).await.unwrap_err().reason, "SESSION_NOT_FOUND");
@@ -26,7 +27,13 @@ async fn nothing_is_found_of_a_deleted_session() {
         assert_eq!(caller.list(v1::ListSessionsRequest::default()).await.unwrap().sessions, []);
         assert_eq!(caller.delete(deletion("ball", "", "")).await.unwrap_err().reason, "SESSION_NOT_FOUND");
 
-        let again = caller.create(creation("ball")).await.unwrap();
+        let request_id = format!("create-{transport:?}");
+        let late =
+            caller.create(v1::CreateSessionRequest { request_id, ..creation("ball") }).await.unwrap_err();
+        assert_eq!(late.reason, "SESSION_NOT_FOUND", "a late retry of the creation brings nothing back");
+        assert!(late.message.contains("deleted") && late.message.contains("new request_id"), "{late:?}");
+        let anew = v1::CreateSessionRequest { request_id: format!("anew-{transport:?}"), ..creation("ball") };
+        let again = caller.create(anew).await.unwrap();
         assert_eq!(again.revision, 1, "the name is free again, and nothing of the old session comes back");
         caller.delete(deletion("ball", &again.etag, "")).await.unwrap();
     }

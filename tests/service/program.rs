@@ -110,6 +110,54 @@ async fn a_file_that_is_no_database_is_refused_without_a_word_of_listening() {
     assert!(said.contains("notes.db") && !said.contains("listens"), "{said}");
 }
 
+/// What a script writes for a small evaluation; without a terminal each run is told in a line.
+const EVALUATION: [&str; 11] = [
+    "evaluate",
+    "--objects",
+    "ball",
+    "Can",
+    "--methods",
+    "palpate",
+    "--seeds",
+    "4",
+    "--attempts",
+    "4",
+    "--jobs=1",
+];
+
+#[tokio::test]
+async fn an_interrupted_evaluation_keeps_its_runs_and_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let lines_of = |name: &str| {
+        let text = std::fs::read_to_string(folder.path().join("palpate-evaluation").join(name)).unwrap();
+        text.lines().count()
+    };
+    let mut child =
+        palpate(folder.path(), &EVALUATION).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut told = BufReader::new(child.stdout.take().unwrap()).lines();
+    assert!(soon("a run", told.next_line()).await.unwrap().unwrap().contains(" mm"));
+    let id = child.id().unwrap().to_string();
+    let sent = Command::new("sh").args(["-c", "kill -INT \"$1\"", "sh", &id]).status().await.unwrap();
+    assert!(sent.success());
+    while soon("the rest", told.next_line()).await.unwrap().is_some() {}
+    let mut said = String::new();
+    soon("its end", child.stderr.take().unwrap().read_to_string(&mut said)).await.unwrap();
+    assert_eq!(soon("its end", child.wait()).await.unwrap().code(), Some(130), "{said}");
+    assert!(said.contains("interrupted") && said.contains("--resume"), "{said}");
+    let kept = lines_of("runs.csv") - 1;
+    assert!((1..16).contains(&kept), "{kept}");
+
+    let (code, said) = refused(folder.path(), &EVALUATION).await;
+    assert!(code == 1 && said.contains("--resume goes on with it"), "{said}");
+    let output = run(folder.path(), &[&EVALUATION[..], &["--resume"]].concat()).await;
+    assert!(output.status.success(), "{output:?}");
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(text.matches(", seed ").count(), 16 - kept, "only what is missing is made: {text}");
+    assert_eq!((lines_of("runs.csv"), lines_of("attempts.csv")), (1 + 16, 1 + 16 * 5));
+    assert!(text.contains("16 runs: 2 objects, 4 seeds") && text.contains("table.md"), "{text}");
+    assert!(text.lines().count() < 40, "the tables are in their file: {text}");
+}
+
 #[tokio::test]
 async fn shells_and_readers_of_manuals_are_served() {
     let folder = tempfile::tempdir().unwrap();

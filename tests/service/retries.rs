@@ -67,6 +67,48 @@ async fn a_session_whose_id_the_server_chose_is_found_by_the_request_id() {
 }
 
 #[tokio::test]
+async fn a_request_id_that_made_a_session_makes_no_other_one_whatever_id_is_wanted() {
+    let server = Server::start().await;
+    for transport in Transport::BOTH {
+        let (caller, name) = (server.caller(transport), transport.name());
+        let first = caller.create(creation(name)).await.unwrap();
+        let before = caller.list(v1::ListSessionsRequest::default()).await.unwrap();
+        for wanted in ["", "another", name] {
+            let other = v1::CreateSessionRequest {
+                session_id: wanted.into(),
+                display_name: "another".into(),
+                ..creation(name)
+            };
+            assert_eq!(caller.create(other).await.unwrap_err().reason, "REQUEST_ID_REUSED", "{wanted:?}");
+        }
+        let moved = v1::CreateSessionRequest { session_id: "another".into(), ..creation(name) };
+        assert_eq!(caller.create(moved.clone()).await.unwrap_err().reason, "REQUEST_ID_REUSED");
+        assert_eq!(caller.create(creation(name)).await.unwrap(), first, "the retry itself is answered");
+        assert_eq!(caller.list(v1::ListSessionsRequest::default()).await.unwrap(), before);
+
+        let deletion = v1::DeleteSessionRequest { session_id: name.into(), ..Default::default() };
+        caller.delete(deletion).await.unwrap();
+        assert_eq!(caller.create(moved).await.unwrap_err().reason, "REQUEST_ID_REUSED", "nor later");
+    }
+}
+
+#[tokio::test]
+async fn of_two_creations_at_once_under_one_request_id_one_is_made() {
+    let server = Server::start().await;
+    for transport in Transport::BOTH {
+        let caller = server.caller(transport);
+        let wanted = |side: &str| v1::CreateSessionRequest {
+            session_id: format!("{}-{side}", transport.name()),
+            request_id: format!("create-{transport:?}"),
+            ..Default::default()
+        };
+        let (left, right) = tokio::join!(caller.create(wanted("left")), caller.create(wanted("right")));
+        let refused = [left, right].into_iter().filter_map(Result::err).collect::<Vec<_>>();
+        assert_eq!(refused.iter().map(|one| one.reason.as_str()).collect::<Vec<_>>(), ["REQUEST_ID_REUSED"]);
+    }
+}
+
+#[tokio::test]
 async fn retries_are_known_after_a_restart() {
     let server = Server::start().await;
     let caller = server.grpc();

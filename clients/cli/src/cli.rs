@@ -7,9 +7,9 @@ use std::process::ExitCode;
 use clap::{CommandFactory, Parser};
 
 use crate::commands::Command;
-use crate::failure::tell;
+use crate::failure::{Ended, Failure};
 use crate::log::{self, LogFormat};
-use crate::terminal;
+use crate::terminal::{self, warn};
 use crate::version::VERSION;
 
 const EXAMPLES: &str = "\
@@ -53,13 +53,46 @@ pub fn run() -> ExitCode {
     }
 }
 
+/// Tells people what happened, and programs by the exit code.
+fn tell(failure: &Failure) -> ExitCode {
+    if let Some(usage) = failure.downcast_ref::<clap::Error>() {
+        // Whom could a failure to print be told?
+        let _ = usage.print();
+        return ExitCode::from(2);
+    }
+    let ended = failure.downcast_ref::<Ended>();
+    if ended != Some(&Ended::Unread) {
+        warn(failure);
+    }
+    // As a shell counts them: 128 and the number of the signal, SIGPIPE or SIGINT.
+    match ended {
+        Some(Ended::Unread) => ExitCode::from(141),
+        Some(Ended::Interrupted(_)) => ExitCode::from(130),
+        None => ExitCode::FAILURE,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::failure::wrong_usage;
 
     #[test]
     fn the_arguments_are_declared_without_contradiction() {
         Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn every_end_has_the_exit_code_that_a_shell_expects() {
+        let codes = [
+            (tell(&wrong_usage("--this contradicts --that")), 2),
+            (tell(&Ended::Unread.into()), 141),
+            (tell(&Ended::Interrupted("3 of 4 runs are kept".to_owned()).into()), 130),
+            (tell(&"the disk is full".into()), 1),
+        ];
+        for (code, expected) in codes {
+            assert_eq!(code, ExitCode::from(expected));
+        }
     }
 
     #[test]

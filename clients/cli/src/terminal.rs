@@ -27,6 +27,12 @@ pub(crate) fn say(line: impl Display) -> Result<(), Failure> {
     write_to(&mut anstream::stdout(), &line)
 }
 
+/// Prints a line to standard error, which may be gone.
+pub(crate) fn warn(line: impl Display) {
+    // Whom could a failure to print be told?
+    let _ = writeln!(anstream::stderr(), "palpate: {line}");
+}
+
 /// Prints what is no text for people, such as a script, as it is.
 pub(crate) fn hand_over(bytes: &[u8]) -> Result<(), Failure> {
     let mut out = std::io::stdout();

@@ -36,7 +36,7 @@ impl Api {
         call: Call,
     ) -> Result<v1::AddVisualPriorResponse, Error> {
         let session_id = request.session_id.clone();
-        self.answer("AddVisualPrior", &session_id, &call, async |deadline| {
+        self.run_on_session("AddVisualPrior", &session_id, &call, async |deadline| {
             let key = request_key(&request.request_id, &request, &self.limits)?;
             self.add_prior(request, None, key, &call.actor, UNARY, deadline).await
         })
@@ -53,7 +53,7 @@ impl Api {
         call: Call,
     ) -> Result<v1::ProposeContactsResponse, Error> {
         let session_id = request.session_id.clone();
-        self.answer("ProposeContacts", &session_id, &call, async |deadline| {
+        self.run_on_session("ProposeContacts", &session_id, &call, async |deadline| {
             self.propose(request, FieldNames { propose: "top_k", ..UNARY }, deadline).await
         })
         .await
@@ -69,7 +69,7 @@ impl Api {
         call: Call,
     ) -> Result<v1::ReportContactResponse, Error> {
         let session_id = request.session_id.clone();
-        self.answer("ReportContact", &session_id, &call, async |deadline| {
+        self.run_on_session("ReportContact", &session_id, &call, async |deadline| {
             let key = request_key(&request.request_id, &request, &self.limits)?;
             self.report(request, key, &call.actor, UNARY, deadline).await
         })

@@ -57,7 +57,7 @@ impl Api {
         messages: impl Stream<Item = Result<v1::ExploreRequest, Error>> + Send + Unpin + 'static,
         call: Call,
     ) -> Result<Replies<v1::ExploreResponse>, Error> {
-        self.answer("Explore", "", &call, async |_| {
+        self.run("Explore", "", &call, async |_| {
             let place = self.stream_place()?;
             let (to, replies) = mpsc::channel(STREAM_BUFFER);
             let stage = Stage { api: self.clone(), actor: call.actor.clone(), open: None, to };
@@ -89,7 +89,7 @@ impl Stage {
                     return;
                 }
                 Some(Ok(message)) => {
-                    if self.answer(message).await.is_err() {
+                    if self.handle(message).await.is_err() {
                         return;
                     }
                 }
@@ -97,7 +97,7 @@ impl Stage {
         }
     }
 
-    async fn answer(&mut self, request: v1::ExploreRequest) -> Result<(), Gone> {
+    async fn handle(&mut self, request: v1::ExploreRequest) -> Result<(), Gone> {
         let v1::ExploreRequest { id, request_id, message } = request;
         let started = Instant::now();
         let deadline = started + self.api.limits.call_timeout;
@@ -144,6 +144,7 @@ impl Stage {
             return Err(Error::field("open", "came before: a stream explores one session"));
         }
         from_proto::exploration_request(NAMES.propose, top_k, NAMES.robot, robot.as_ref(), &self.api.limits)?;
+        from_proto::check_session_named("open.session_id", &session_id)?;
         let snapshot = self.api.sessions.newest(&session_id, deadline).await?;
         if !(0..=snapshot.revision).contains(&resume_after_revision) {
             let revision = snapshot.revision;

@@ -30,7 +30,7 @@ impl Api {
     /// No such session, revision or format, or nothing was seen yet.
     pub(crate) async fn get_mesh(&self, request: v1::GetMeshRequest, call: Call) -> Result<v1::Mesh, Error> {
         let session_id = request.session_id.clone();
-        self.answer("GetMesh", &session_id, &call, async |deadline| {
+        self.run_on_session("GetMesh", &session_id, &call, async |deadline| {
             let v1::GetMeshRequest { session_id, revision, format, if_none_match, have_topology } = request;
             let form = form(format)?;
             let snapshot = self.sessions.at_revision(&session_id, revision, deadline).await?;

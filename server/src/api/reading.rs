@@ -20,7 +20,7 @@ impl Api {
         call: Call,
     ) -> Result<v1::ListEventsResponse, Error> {
         let session_id = request.session_id.clone();
-        self.answer("ListEvents", &session_id, &call, async |_| {
+        self.run_on_session("ListEvents", &session_id, &call, async |_| {
             let v1::ListEventsRequest { session_id, page_size: wanted, page_token, include_points } = request;
             let count = page_size(wanted, &self.limits)?;
             let after = if page_token.is_empty() {

@@ -25,7 +25,7 @@ impl Api {
         call: Call,
     ) -> Result<v1::Session, Error> {
         let session_id = request.session_id.clone();
-        self.answer("CreateSession", &session_id, &call, async |_| {
+        self.run("CreateSession", &session_id, &call, async |_| {
             if !session_id.is_empty() {
                 from_proto::check_session_id(&session_id)?;
             }
@@ -66,7 +66,7 @@ impl Api {
         call: Call,
     ) -> Result<v1::Session, Error> {
         let v1::GetSessionRequest { session_id } = request;
-        self.answer("GetSession", &session_id, &call, async |_| {
+        self.run_on_session("GetSession", &session_id, &call, async |_| {
             if let Some(snapshot) = self.sessions.loaded(&session_id) {
                 return Ok(to_proto::session(&snapshot));
             }
@@ -86,7 +86,7 @@ impl Api {
         request: v1::ListSessionsRequest,
         call: Call,
     ) -> Result<v1::ListSessionsResponse, Error> {
-        self.answer("ListSessions", "", &call, async |_| {
+        self.run("ListSessions", "", &call, async |_| {
             let v1::ListSessionsRequest { page_size: wanted, page_token, experiment, labels, state } =
                 request;
             from_proto::check_labels(&labels, &self.limits)?;
@@ -119,7 +119,7 @@ impl Api {
         call: Call,
     ) -> Result<v1::DeleteSessionResponse, Error> {
         let session_id = request.session_id.clone();
-        self.answer("DeleteSession", &session_id, &call, async |deadline| {
+        self.run_on_session("DeleteSession", &session_id, &call, async |deadline| {
             let key = request_key(&request.request_id, &request, &self.limits)?;
             let v1::DeleteSessionRequest { session_id, etag, request_id: _ } = request;
             self.sessions.delete(session_id, etag, key, deadline).await?;

@@ -50,7 +50,7 @@ impl Api {
         call: Call,
     ) -> Result<Replies<v1::WatchSessionResponse>, Error> {
         let session_id = request.session_id.clone();
-        self.answer("WatchSession", &session_id, &call, async |deadline| {
+        self.run_on_session("WatchSession", &session_id, &call, async |deadline| {
             let v1::WatchSessionRequest { session_id, after_revision, include_mesh, heartbeat } = request;
             let heartbeat = heartbeat_interval(heartbeat, &self.limits)?;
             let place = self.stream_place()?;

@@ -26,7 +26,9 @@ pub(super) fn status(error: &Error) -> Status {
 fn add_subject(details: &mut ErrorDetails, error: &Error) {
     let text = error.to_string();
     match error {
-        Error::SessionNotFound { session_id } | Error::SessionExists { session_id } => {
+        Error::SessionNotFound { session_id }
+        | Error::SessionDeleted { session_id, request_id: _ }
+        | Error::SessionExists { session_id } => {
             details.set_resource_info("session", session_id, "", text);
         }
         Error::SessionQuarantined { session_id } => {

@@ -52,7 +52,7 @@ impl Running {
     async fn create(&mut self, session_id: &str) -> v1::Session {
         let request = v1::CreateSessionRequest {
             session_id: session_id.into(),
-            request_id: "create".into(),
+            request_id: format!("create-{session_id}"),
             ..Default::default()
         };
         self.sessions.create_session(request).await.unwrap().into_inner()

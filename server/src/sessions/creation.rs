@@ -1,4 +1,4 @@
-//! Creating a session: the id is taken once, also when the server chooses it and the call is retried.
+//! Creating a session: an id is taken once, and a request id too, whatever session it is used for.
 
 use uuid::Uuid;
 
@@ -19,7 +19,7 @@ impl<S: Aggregate> Sessions<S> {
             self.check_quota().await?;
             let Created { event, computed, experiment, labels } = create(&session_id, now_us())?;
             let (_, head, event) = recorded(computed, request, event, actor);
-            let session = NewSession { head, experiment, labels, id_is_ours: wanted.is_empty() };
+            let session = NewSession { head, experiment, labels };
             let reply = event.reply.clone();
             match self.store.create(session, event).await {
                 Ok(()) => return Ok(Reply { bytes: reply, duplicate: false }),
@@ -35,19 +35,25 @@ impl<S: Aggregate> Sessions<S> {
         Err(contended())
     }
 
+    /// The reply to an earlier creation under the same request id, whatever session it asked for.
     async fn first_creation(&self, wanted: &str, request: &RequestKey) -> Result<Option<Reply>, Error> {
         if request.id.is_empty() {
             return Ok(None);
         }
-        if !wanted.is_empty() {
-            return self.first_reply(wanted, request).await;
-        }
         let Some(session_id) = self.store.created_by(&request.id).await? else {
-            return Ok(None);
+            // The id may have come with another kind of request, or with a creation from before all were noted.
+            return if wanted.is_empty() { Ok(None) } else { self.first_reply(wanted, request).await };
         };
-        // It may have been deleted since: a late retry must not bring it back.
-        let first = self.first_reply(&session_id, request).await?;
-        first.map_or(Err(Error::SessionNotFound { session_id }), |reply| Ok(Some(reply)))
+        if let Some(first) = self.first_reply(&session_id, request).await? {
+            return Ok(Some(first));
+        }
+        // The session was deleted since, and its log with it.
+        let request_id = request.id.clone();
+        if wanted.is_empty() || wanted == session_id {
+            // A late retry must not bring it back.
+            return Err(Error::SessionDeleted { session_id, request_id });
+        }
+        Err(Error::RequestIdReused { request_id })
     }
 
     async fn check_quota(&self) -> Result<(), Error> {

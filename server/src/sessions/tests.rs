@@ -124,7 +124,8 @@ fn op() -> impl Strategy<Value = Op> {
     let key = || (0..3_u8, 0..5_u8, 0..=REFUSED);
     let guard = || prop_oneof![3 => Just(Guard::None), 1 => Just(Guard::Right), 1 => Just(Guard::Stale)];
     prop_oneof![
-        20 => key().prop_map(|(session, request, body)| Op::Create { session, request, body }),
+        20 => (0..3_u8, prop_oneof![Just(NO_ID), 0..5_u8], 0..=REFUSED)
+            .prop_map(|(session, request, body)| Op::Create { session, request, body }),
         60 => (key(), guard())
             .prop_map(|((session, request, body), guard)| Op::Append { session, request, body, guard }),
         10 => key().prop_map(|(session, request, body)| Op::AppendTwice { session, request, body }),
@@ -150,8 +151,8 @@ fn ops() -> impl Strategy<Value = Vec<Op>> {
 /// The bytes of a reply and whether it is a repeated one, or the reason of a refusal.
 type Outcome = Result<(Vec<u8>, bool), &'static str>;
 
-/// A request's kind and body.
-type Digest = (char, u8);
+/// A request's kind, session and body.
+type Digest = (char, u8, u8);
 
 /// What must be true.
 #[derive(Debug, Default)]
@@ -160,24 +161,34 @@ struct Model {
     /// By session and request id.
     replies: BTreeMap<(u8, u8), (Digest, Vec<u8>)>,
     deletions: BTreeMap<(u8, u8), u8>,
+    /// By request id, deleted sessions included.
+    creations: BTreeMap<u8, u8>,
 }
 
 impl Model {
     fn create(&mut self, session: u8, request: u8, body: u8) -> Outcome {
-        match self.first_reply(session, request, ('c', body)) {
-            Some(outcome) => outcome,
-            None if self.sessions.contains_key(&session) => Err("SESSION_EXISTS"),
-            None => self.accept(session, request, ('c', body)),
+        let first = self.creations.get(&request).copied();
+        match (self.first_reply(first.unwrap_or(session), request, ('c', session, body)), first) {
+            (Some(outcome), _) => outcome,
+            (None, Some(first)) if first == session => Err("SESSION_NOT_FOUND"),
+            (None, Some(_)) => Err("REQUEST_ID_REUSED"),
+            (None, None) if self.sessions.contains_key(&session) => Err("SESSION_EXISTS"),
+            (None, None) => {
+                if request != NO_ID {
+                    self.creations.insert(request, session);
+                }
+                self.accept(session, request, ('c', session, body))
+            }
         }
     }
 
     fn append(&mut self, session: u8, request: u8, body: u8, guard: Guard) -> Outcome {
-        match (self.sessions.get(&session), self.first_reply(session, request, ('a', body)), guard) {
+        match (self.sessions.get(&session), self.first_reply(session, request, ('a', session, body)), guard) {
             (None, ..) => Err("SESSION_NOT_FOUND"),
             (_, Some(outcome), _) => outcome,
             (_, None, Guard::Stale) => Err("REVISION_MISMATCH"),
             _ if body == REFUSED => Err("NO_VISUAL_PRIOR"),
-            _ => self.accept(session, request, ('a', body)),
+            _ => self.accept(session, request, ('a', session, body)),
         }
     }
 
@@ -188,7 +199,7 @@ impl Model {
 
     fn accept(&mut self, session: u8, request: u8, digest: Digest) -> Outcome {
         let bytes = self.sessions.entry(session).or_default();
-        bytes.push(digest.1);
+        bytes.push(digest.2);
         if request != NO_ID {
             self.replies.insert((session, request), (digest, bytes.clone()));
         }
@@ -239,9 +250,9 @@ impl World {
         format!("toy-{}-{session}", self.sequence)
     }
 
-    fn key(&self, kind: char, request: u8, body: u8) -> RequestKey {
+    fn key(&self, (kind, session, body): Digest, request: u8) -> RequestKey {
         let id = if request == NO_ID { String::new() } else { format!("{}-{request}", self.sequence) };
-        RequestKey { id, digest: vec![kind as u8, body] }
+        RequestKey { id, digest: vec![kind as u8, session, body] }
     }
 
     fn create(&self, session: u8, request: u8, body: u8) -> Outcome {
@@ -254,7 +265,7 @@ impl World {
                 labels: BTreeMap::new(),
             })
         });
-        let request = self.key('c', request, body);
+        let request = self.key(('c', session, body), request);
         let creation = Creation { session_id: self.id(session), request, actor: String::new(), create };
         outcome(self.runtime.block_on(self.sessions.create(creation)))
     }
@@ -264,7 +275,7 @@ impl World {
             REFUSED => Err(Error::NoVisualPrior),
             _ => Ok(before.clone().with(body).computed()),
         });
-        let request = self.key('a', request, body);
+        let request = self.key(('a', session, body), request);
         let event = ("toy", vec![body]);
         Change {
             session_id: self.id(session),
@@ -277,7 +288,7 @@ impl World {
     }
 
     fn delete(&self, session: u8, request: u8, body: u8, guard: Guard) -> Result<(), &'static str> {
-        let (id, request) = (self.id(session), self.key('d', request, body));
+        let (id, request) = (self.id(session), self.key(('d', session, body), request));
         self.runtime.block_on(async {
             let wanted_etag = match guard {
                 Guard::None => String::new(),

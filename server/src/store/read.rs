@@ -122,7 +122,7 @@ impl Store {
         Ok(query.bind(session_id).bind(request_id).fetch_optional(&self.readers).await?)
     }
 
-    /// The session that a creation without id made under this request id, if there was one.
+    /// The session that a creation made under this request id, if there was one; it may be deleted by now.
     pub(crate) async fn created_by(&self, request_id: &str) -> Result<Option<String>, StoreError> {
         let query = sqlx::query_scalar("select session_id from creations where request_id = $1");
         Ok(query.bind(request_id).fetch_optional(&self.readers).await?)

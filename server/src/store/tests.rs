@@ -12,7 +12,7 @@ fn head(session_id: &str) -> SessionHead {
 
 fn session(session_id: &str) -> NewSession {
     let labels = [("object".to_owned(), session_id.to_owned())].into();
-    NewSession { head: head(session_id), experiment: "bench".into(), labels, id_is_ours: false }
+    NewSession { head: head(session_id), experiment: "bench".into(), labels }
 }
 
 fn event(seq: i64, request_id: &str) -> NewEvent {
@@ -66,7 +66,7 @@ async fn a_conflict_undoes_one_change_and_not_its_group() {
     let store = open(&folder).await;
     store.create(session("mug"), event(1, "a")).await.unwrap();
     let outcomes = tokio::join!(
-        store.create(session("can"), event(1, "a")),
+        store.create(session("can"), event(1, "c")),
         store.append(head("mug"), event(5, "gap")),
         store.append(head("mug"), event(2, "a")),
         store.append(head("mug"), event(2, "b")),
@@ -88,7 +88,7 @@ async fn many_writers_share_commits_and_lose_nothing() {
             let store = store.clone();
             tokio::spawn(async move {
                 let id = format!("session-{number}");
-                store.create(session(&id), event(1, "a")).await.unwrap();
+                store.create(session(&id), event(1, &id)).await.unwrap();
                 for seq in 2..6 {
                     store.append(head(&id), event(seq, &format!("r{seq}"))).await.unwrap();
                 }
@@ -130,7 +130,7 @@ async fn lists_are_filtered_and_paged_newest_first() {
     for (id, created_us) in [("aaa", 1), ("bbb", 2), ("ccc", 2)] {
         let mut new = session(id);
         new.head.created_us = created_us;
-        store.create(new, event(1, "a")).await.unwrap();
+        store.create(new, event(1, id)).await.unwrap();
     }
     let ids = |rows: &[SessionRow]| rows.iter().map(|row| row.session_id.clone()).collect::<Vec<_>>();
     let all = Filter { experiment: Some("bench".into()), state: Some(1), ..Filter::default() };
@@ -145,12 +145,11 @@ async fn lists_are_filtered_and_paged_newest_first() {
 }
 
 #[tokio::test]
-async fn a_creation_without_id_is_found_by_its_request() {
+async fn a_request_id_creates_one_session_which_is_found_by_it() {
     let folder = tempfile::tempdir().unwrap();
     let store = open(&folder).await;
-    let ours = |id: &str| NewSession { id_is_ours: true, ..session(id) };
-    store.create(ours("one"), event(1, "a")).await.unwrap();
-    assert!(matches!(store.create(ours("two"), event(1, "a")).await, Err(StoreError::Conflict)));
+    store.create(session("one"), event(1, "a")).await.unwrap();
+    assert!(matches!(store.create(session("two"), event(1, "a")).await, Err(StoreError::Conflict)));
     assert_eq!(store.created_by("a").await.unwrap().as_deref(), Some("one"));
     assert!(store.session("two").await.unwrap().is_none(), "the losing creation left nothing behind");
     store.check_writable().await.unwrap();

@@ -16,8 +16,6 @@ pub(crate) struct NewSession {
     pub(crate) head: SessionHead,
     pub(crate) experiment: String,
     pub(crate) labels: BTreeMap<String, String>,
-    /// Whether the caller left the id to the server, so that a retry finds it by the request id.
-    pub(crate) id_is_ours: bool,
 }
 
 /// What `sessions` says of a session after an event.
@@ -151,7 +149,7 @@ async fn create(
     session: &NewSession,
     event: &NewEvent,
 ) -> Result<(), StoreError> {
-    let NewSession { head, experiment, labels, id_is_ours } = session;
+    let NewSession { head, experiment, labels } = session;
     let SessionHead { session_id, created_us, state, summary } = head;
     sqlx::query(
         "insert into sessions (session_id, experiment, state, created_us, head, summary)
@@ -173,7 +171,7 @@ async fn create(
             .execute(&mut *connection)
             .await?;
     }
-    if let (true, Some(request_id)) = (id_is_ours, &event.request_id) {
+    if let Some(request_id) = &event.request_id {
         sqlx::query("insert into creations (request_id, session_id) values ($1, $2)")
             .bind(request_id)
             .bind(session_id)

@@ -35,6 +35,11 @@ fn non_finite(field: impl Into<String>, description: impl Into<String>) -> Error
     }])
 }
 
+/// Refuses a call that does not say which session it is about.
+pub(crate) fn check_session_named(field: &str, session_id: &str) -> Result<(), Error> {
+    if session_id.is_empty() { Err(Error::field(field, "is missing: say which session")) } else { Ok(()) }
+}
+
 /// Refuses texts that are longer than `limit` bytes.
 pub(crate) fn check_text(field: &str, text: &str, limit: usize) -> Result<(), Error> {
     if text.len() <= limit {

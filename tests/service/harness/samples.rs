@@ -5,11 +5,11 @@ use palpate_proto::v1::contact_result::Outcome as Said;
 
 use super::Caller;
 
-/// A session by this name, with the defaults.
+/// A session by this name, with the defaults; a request id makes one session, so each has its own.
 pub(crate) fn creation(session_id: &str) -> v1::CreateSessionRequest {
     v1::CreateSessionRequest {
         session_id: session_id.into(),
-        request_id: "create".into(),
+        request_id: format!("create-{session_id}"),
         ..Default::default()
     }
 }

@@ -64,11 +64,11 @@ fn generated_names(asked: &[String], has_folder: bool) -> Vec<String> {
         return all().collect();
     }
     let mut names = Vec::new();
-    for name in asked {
+    for name in asked.iter().map(|name| name.to_lowercase()) {
         if name == ALL_GENERATED {
             names.extend(all());
         } else {
-            names.push(name.clone());
+            names.push(name);
         }
     }
     let mut seen = std::collections::HashSet::new();
@@ -111,7 +111,7 @@ mod tests {
     fn without_any_wish_everything_is_generated_and_with_a_folder_nothing() {
         assert_eq!(generated_names(&[], false).len(), shapes::OBJECTS.len() + 3);
         assert!(generated_names(&[], true).is_empty());
-        let asked = ["can", "generated", "can"].map(str::to_owned);
+        let asked = ["Can", "generated", "can"].map(str::to_owned);
         let names = generated_names(&asked, true);
         assert_eq!(names.len(), shapes::OBJECTS.len() + 3);
         assert_eq!(names[0], "can");

@@ -1,41 +1,17 @@
-//! What is written down: a line for every attempt and a line for every run.
+//! What is known of a run, and how its lines in the files are laid out.
 
-use std::path::Path;
+use palpate_core::metrics::{Chamfer, Comparison, StatedError};
+use serde::{Deserialize, Serialize, Serializer};
 
-use palpate_client::proto::v1::{Method, Strategy};
-use palpate_core::metrics::{Comparison, StatedError};
-use serde::{Serialize, Serializer};
-
-use super::super::robot::name_of;
+use super::cases::Case;
 use super::spread::Spread;
-use crate::failure::Failure;
-
-/// What is explored and how: one cell of the evaluation.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub(super) struct Case {
-    pub(super) object: String,
-    pub(super) method: String,
-    pub(super) strategy: String,
-    pub(super) seed: u64,
-}
-
-impl Case {
-    pub(super) fn new(object: &str, method: Method, strategy: Strategy, seed: u64) -> Self {
-        Self {
-            object: object.to_owned(),
-            method: name_of(method).to_owned(),
-            strategy: name_of(strategy).to_owned(),
-            seed,
-        }
-    }
-}
 
 /// The state after one attempt; attempt 0 is the camera's view alone.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct AttemptRow {
     pub(super) attempt: u32,
     /// `view`, `hit`, `early` or `miss`.
-    pub(super) outcome: &'static str,
+    pub(super) outcome: String,
     #[serde(serialize_with = "rounded")]
     pub(super) surface_distance_mm: f64,
     #[serde(serialize_with = "rounded")]
@@ -55,7 +31,7 @@ pub(super) struct AttemptRow {
 impl AttemptRow {
     /// Whether the attempt failed.
     pub(super) fn failed(&self) -> bool {
-        matches!(self.outcome, "miss" | "early")
+        matches!(self.outcome.as_str(), "miss" | "early")
     }
 }
 
@@ -81,12 +57,12 @@ impl Run {
         self.attempts.get(number).or(self.attempts.last())
     }
 
-    pub(super) fn missed(&self) -> f64 {
-        self.attempts.last().map_or(0.0, |row| f64::from(row.missed_so_far))
+    pub(super) fn missed(&self) -> u32 {
+        self.attempts.last().map_or(0, |row| row.missed_so_far)
     }
 
-    pub(super) fn early(&self) -> f64 {
-        self.attempts.last().map_or(0.0, |row| f64::from(row.early_so_far))
+    pub(super) fn early(&self) -> u32 {
+        self.attempts.last().map_or(0, |row| row.early_so_far)
     }
 
     /// The share of vertices within the stated two sigma, as a mean over the attempts at which it was measured.
@@ -105,23 +81,13 @@ fn rounded_if_any<S: Serializer>(value: &Option<f64>, serializer: S) -> Result<S
     value.map(|value| (value * 1e6).round() / 1e6).serialize(serializer)
 }
 
-/// Writes a line for every attempt of every run.
-pub(super) fn write_attempts(runs: &[Run], path: &Path) -> Result<(), Failure> {
-    let mut writer = csv::Writer::from_path(path)?;
-    for run in runs {
-        for row in &run.attempts {
-            writer.serialize((&run.case, row))?;
-        }
-    }
-    Ok(writer.flush()?)
-}
-
-#[derive(Serialize)]
-struct RunRow<'a> {
-    session_id: &'a str,
-    attempts: usize,
-    missed: f64,
-    early: f64,
+/// A run's line, with all metrics of its last estimate.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct RunRow {
+    pub(super) session_id: String,
+    pub(super) attempts: usize,
+    missed: u32,
+    early: u32,
     #[serde(serialize_with = "rounded")]
     surface_distance_mm: f64,
     #[serde(serialize_with = "rounded")]
@@ -139,15 +105,13 @@ struct RunRow<'a> {
     calibration_2sigma: Option<f64>,
     #[serde(serialize_with = "rounded")]
     mean_uncertainty: f64,
-    stopped_early: &'a str,
+    stopped_early: String,
 }
 
-/// Writes a line for every run, with all metrics of its last estimate.
-pub(super) fn write_runs(runs: &[Run], path: &Path) -> Result<(), Failure> {
-    let mut writer = csv::Writer::from_path(path)?;
-    for run in runs {
-        let row = RunRow {
-            session_id: &run.session_id,
+impl RunRow {
+    pub(super) fn of(run: &Run) -> Self {
+        Self {
+            session_id: run.session_id.clone(),
             attempts: run.attempts.len() - 1,
             missed: run.missed(),
             early: run.early(),
@@ -160,25 +124,48 @@ pub(super) fn write_runs(runs: &[Run], path: &Path) -> Result<(), Failure> {
             volume_ratio: run.last.volume_ratio,
             calibration_2sigma: run.calibration_2sigma,
             mean_uncertainty: run.attempts.last().map_or(1.0, |row| row.mean_uncertainty),
-            stopped_early: &run.stopped_early,
-        };
-        writer.serialize((&run.case, row))?;
+            stopped_early: run.stopped_early.clone(),
+        }
     }
-    Ok(writer.flush()?)
+
+    /// The run that this line was written of.
+    pub(super) fn into_run(
+        self,
+        case: Case,
+        attempts: Vec<AttemptRow>,
+        stated_errors: Vec<StatedError>,
+    ) -> Run {
+        Run {
+            case,
+            session_id: self.session_id,
+            attempts,
+            last: Comparison {
+                surface_distance_m: 1e-3 * self.surface_distance_mm,
+                hausdorff_m: 1e-3 * self.hausdorff_mm,
+                f_score_1mm: self.f_score_1mm,
+                coverage: self.coverage_2mm,
+                volume_ratio: self.volume_ratio,
+                chamfer: Chamfer { sum_m: 1e-3 * self.chamfer_sum_mm, mean_m: 1e-3 * self.chamfer_mean_mm },
+            },
+            stated_errors,
+            calibration_2sigma: self.calibration_2sigma,
+            stopped_early: self.stopped_early,
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
-    use palpate_core::metrics::Chamfer;
+    use palpate_client::proto::v1::{Method, Strategy};
 
     use super::*;
 
     impl Run {
         /// A run of one attempt, after which the error is `error_mm` everywhere.
         pub(in super::super) fn example(object: &str, strategy: Strategy, seed: u64, error_mm: f64) -> Self {
-            let row = |attempt, outcome, share: f64| AttemptRow {
+            let row = |attempt, outcome: &str, share: f64| AttemptRow {
                 attempt,
-                outcome,
+                outcome: outcome.to_owned(),
                 surface_distance_mm: error_mm * share,
                 chamfer_sum_mm: 2.0 * error_mm * share,
                 mean_uncertainty: 0.5,
@@ -205,31 +192,5 @@ mod tests {
                 stopped_early: String::new(),
             }
         }
-    }
-
-    #[test]
-    fn files_have_a_header_and_a_line_for_each() {
-        let folder = tempfile::tempdir().unwrap();
-        let mut runs = [1, 2].map(|seed| Run::example("lamp", Strategy::Proactive, seed, 4.0));
-        runs[1].attempts[1].within_2sigma = Some(0.9375);
-        runs[1].attempts[1].failure_risk = Some(0.000_123_4);
-        let (attempts, all) = (folder.path().join("attempts.csv"), folder.path().join("runs.csv"));
-        write_attempts(&runs, &attempts).unwrap();
-        write_runs(&runs, &all).unwrap();
-        let attempts = std::fs::read_to_string(attempts).unwrap();
-        let lines: Vec<_> = attempts.lines().collect();
-        assert_eq!(lines.len(), 1 + 2 * 2);
-        assert_eq!(
-            lines[0],
-            "object,method,strategy,seed,attempt,outcome,surface_distance_mm,chamfer_sum_mm,\
-             mean_uncertainty,missed_so_far,early_so_far,within_2sigma,failure_risk"
-        );
-        assert_eq!(lines[2], "lamp,paper,proactive,1,1,miss,4.0,8.0,0.5,2,1,,", "nothing was stated");
-        assert_eq!(lines[4], "lamp,paper,proactive,2,1,miss,4.0,8.0,0.5,2,2,0.9375,0.000123");
-        let all = std::fs::read_to_string(all).unwrap();
-        let lines: Vec<_> = all.lines().collect();
-        assert_eq!(lines.len(), 1 + 2);
-        assert!(lines[0].starts_with("object,method,strategy,seed,session_id,attempts,missed,early,"));
-        assert!(lines[1].starts_with("lamp,paper,proactive,1,run-0001,1,2.0,1.0,4.0,8.0,4.0,10.0,0.5,0.75,"));
     }
 }

@@ -6,26 +6,22 @@ use palpate_client::Client;
 use palpate_client::proto::v1::{Candidate, StopReason};
 use palpate_core::geometry::TriangleMesh;
 use palpate_core::metrics::{MetricsError, Reference, StatedError, coverage};
-use palpate_simulator::robot::{Estimate, Plan};
+use palpate_simulator::robot::Estimate;
 
 use super::super::robot::{MeasuredRobot, outcome_name};
-use super::objects::EvaluatedObject;
-use super::record::{AttemptRow, Case, Run};
+use super::cases::Task;
+use super::record::{AttemptRow, Run};
 use super::reliability::MEASURED_EVERY;
 use crate::failure::Failure;
 
 /// Explores once, from the view to the last attempt.
-pub(super) async fn run(
-    client: Client,
-    object: EvaluatedObject,
-    case: Case,
-    plan: Plan,
-) -> Result<Run, Failure> {
+pub(super) async fn run(client: Client, task: Task) -> Result<Run, Failure> {
+    let Task { case, object, plan } = task;
     let reference = Arc::clone(&object.reference);
     let mut robot = MeasuredRobot::begin(client, &object.body, reference, plan, errors_mm).await?;
     let mut attempts = vec![AttemptRow {
         attempt: 0,
-        outcome: "view",
+        outcome: "view".to_owned(),
         surface_distance_mm: robot.errors.surface_distance,
         chamfer_sum_mm: robot.errors.chamfer_sum,
         mean_uncertainty: robot.mean_uncertainty(),
@@ -44,7 +40,7 @@ pub(super) async fn run(
         }
         attempts.push(AttemptRow {
             attempt: attempt.number,
-            outcome: outcome_name(&attempt.outcome),
+            outcome: outcome_name(&attempt.outcome).to_owned(),
             surface_distance_mm: robot.errors.surface_distance,
             chamfer_sum_mm: robot.errors.chamfer_sum,
             mean_uncertainty: attempt.mean_uncertainty,

@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 
+use super::names::cell;
 use super::paper;
 use super::record::Run;
 use super::reliability::{self, MEASURED_EVERY, Statements};
@@ -24,6 +25,8 @@ pub(super) struct Report<'a> {
     pub(super) series: &'a [(String, String)],
     /// How many seeds each cell has.
     pub(super) seeds: u64,
+    /// How many runs there would be if all had ended well.
+    pub(super) planned: usize,
     /// Samples of each surface behind a chamfer distance.
     pub(super) chamfer_points: usize,
     /// All runs.
@@ -57,11 +60,13 @@ impl Report<'_> {
         // Writing to a string cannot fail.
         let _ = writeln!(text, "{}\n```\n", self.command);
         let _ = writeln!(text, "palpate {}, algorithm {}.", self.version, self.algorithm_version);
-        let _ = writeln!(
-            text,
-            "{} attempts a run, failures included; seeds 1 to {}.\n",
-            self.attempts, self.seeds
-        );
+        let seeds = if self.seeds == 1 { "seed 1".to_owned() } else { format!("seeds 1 to {}", self.seeds) };
+        let _ = writeln!(text, "{} attempts a run, failures included; {seeds}.\n", self.attempts);
+        if self.runs.len() < self.planned {
+            let (made, planned) = (self.runs.len(), self.planned);
+            let _ =
+                writeln!(text, "**Incomplete: {made} of {planned} runs.** `--resume` makes the others.\n");
+        }
         text.push_str(NOTES);
         if self.objects.iter().any(|(object, _)| paper::column(object).is_some()) {
             text.push_str(PUBLISHED_NOTES);
@@ -75,9 +80,9 @@ impl Report<'_> {
         let failures = format!("failures of {}", self.attempts);
         // Fifty attempts are what the published failures are counted over.
         let published = if self.attempts == 50 { published_failures } else { nothing_published };
-        self.rows(&mut text, &failures, 1, |run| Some(run.missed() + run.early()), published);
-        self.rows(&mut text, "of these, missed", 1, |run| Some(run.missed()), nothing_published);
-        self.rows(&mut text, "of these, early", 1, |run| Some(run.early()), nothing_published);
+        self.rows(&mut text, &failures, 1, |run| Some(f64::from(run.missed() + run.early())), published);
+        self.rows(&mut text, "of these, missed", 1, |run| Some(f64::from(run.missed())), nothing_published);
+        self.rows(&mut text, "of these, early", 1, |run| Some(f64::from(run.early())), nothing_published);
         text.push_str("\n## Surface distance and the other metrics\n\n");
         self.header(&mut text);
         let calibration =
@@ -98,7 +103,7 @@ impl Report<'_> {
     }
 
     fn header(&self, text: &mut String) {
-        let names: Vec<_> = self.objects.iter().map(|(name, _)| name.replace('_', " ")).collect();
+        let names: Vec<_> = self.objects.iter().map(|(name, _)| cell(name)).collect();
         let _ = writeln!(text, "| metric | method, strategy | {} | mean |", names.join(" | "));
         let _ = writeln!(text, "|---|---|{}---|", "---|".repeat(names.len()));
     }
@@ -213,6 +218,7 @@ mod tests {
             objects,
             series: &[("paper".to_owned(), "proactive".to_owned())],
             seeds: 2,
+            planned: runs.len() + 1,
             chamfer_points: 13_000,
             runs,
             statements: &[],
@@ -244,6 +250,7 @@ mod tests {
             assert!(text.contains(line), "{line}\nis not in\n{text}");
         }
         assert!(!text.contains("within 2 sigma"), "a metric that no run has is left out");
+        assert!(text.contains("**Incomplete: 5 of 6 runs.**"), "{text}");
         assert!(text.contains("palpate evaluate --seeds 2\n"));
     }
 
@@ -266,5 +273,12 @@ mod tests {
         let text = report(&objects, &[Run::example("generated-mug", Strategy::Proactive, 1, 2.0)]);
         assert!(!text.to_lowercase().contains("published"), "{text}");
         assert!(text.contains("| 4.00 | 4.00 |"), "a single run has no spread\n{text}");
+    }
+
+    #[test]
+    fn a_bar_in_an_objects_name_does_not_break_the_table() {
+        let objects = [("a|b".to_owned(), 1.0)];
+        let text = report(&objects, &[Run::example("a|b", Strategy::Proactive, 1, 2.0)]);
+        assert!(text.contains(r"| metric | method, strategy | a\|b | mean |"), "{text}");
     }
 }
