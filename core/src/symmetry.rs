@@ -30,9 +30,7 @@ impl Symmetry {
         match declared {
             None => revolutions.chain(mirrors).collect(),
             Some(DeclaredSymmetry::Revolution) => revolutions.collect(),
-            Some(DeclaredSymmetry::Mirror) => {
-                (0..3).map(|across| Self::Mirror([0, 1, 2].map(|axis| axis == across))).collect()
-            }
+            Some(DeclaredSymmetry::Mirror) => mirrors.collect(),
         }
     }
 
@@ -159,9 +157,10 @@ mod tests {
         let revolutions = Symmetry::candidates(Some(DeclaredSymmetry::Revolution));
         assert!(revolutions.iter().all(|s| matches!(s, Symmetry::Revolution(_))));
         let mirrors = Symmetry::candidates(Some(DeclaredSymmetry::Mirror));
-        assert_eq!(mirrors.len(), 3);
-        for (across, mirror) in mirrors.into_iter().enumerate() {
-            assert_eq!(mirror, Symmetry::Mirror([0, 1, 2].map(|axis| axis == across)));
+        assert_eq!(mirrors.len(), 7);
+        for across in 0..3 {
+            let plane = Symmetry::Mirror([0, 1, 2].map(|axis| axis == across));
+            assert!(mirrors.contains(&plane), "{plane:?}");
         }
     }
 }

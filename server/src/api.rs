@@ -5,6 +5,7 @@
 //!
 //! Etags in messages are bare; HTTP puts the quotes around them.
 
+mod capabilities;
 mod exploration;
 mod explore;
 mod mesh;
@@ -33,6 +34,7 @@ use crate::session::Snapshot;
 use crate::sessions::{Aggregate, Computed, RequestKey, Sessions};
 use crate::store::Store;
 use crate::wire::{event, from_proto, to_proto};
+use capabilities::capabilities;
 
 /// Messages of a stream that wait for a slow reader; the producer then waits too.
 const STREAM_BUFFER: usize = 16;
@@ -76,32 +78,17 @@ impl Api {
 
     /// What the server is and can do.
     pub(crate) fn server_info(&self) -> v1::ServerInfo {
-        let capabilities = [
-            "method:paper",
-            "method:palpate",
-            "strategy:proactive",
-            "strategy:min_uncertainty",
-            "strategy:uniform",
-            "strategy:random",
-            "strategy:expected_gain",
-            "points:xyz_f32_le",
-            "points:ply",
-            "keep_out",
-            "symmetry",
-            "explore",
-            "watch",
-        ];
         v1::ServerInfo {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             algorithm_version: ALGORITHM_VERSION.to_owned(),
-            capabilities: capabilities.map(str::to_owned).to_vec(),
+            capabilities: capabilities(),
             mesh_formats: mesh::FORMATS.map(i32::from).to_vec(),
             max_message_bytes: i64::try_from(self.limits.message_bytes).unwrap_or(i64::MAX),
             instance_id: self.instance_id.to_string(),
         }
     }
 
-    /// Whether the service can do its work: the log takes writes and nobody asked for a stop.
+    /// Whether the service can do its work: the log takes writes and the server is not stopping.
     ///
     /// # Errors
     /// [`Error::Draining`] or [`Error::StoreDown`].
@@ -158,8 +145,8 @@ impl Api {
         .await
     }
 
-    /// A place for one more open stream.
-    fn stream_place(&self) -> Result<OwnedSemaphorePermit, Error> {
+    /// Room for one more open stream, until it is dropped.
+    fn stream_slot(&self) -> Result<OwnedSemaphorePermit, Error> {
         self.streams.clone().try_acquire_owned().map_err(|_| Error::Quota {
             what: "open streams",
             limit: self.limits.streams as u64,
@@ -198,7 +185,7 @@ fn request_key<M: Message + Name>(id: &str, request: &M, limits: &Limits) -> Res
 fn computed<M: Message>(after: Snapshot, reply: &M) -> Computed<Snapshot> {
     Computed {
         reply: reply.encode_to_vec(),
-        state: to_proto::state(after.life).into(),
+        state: to_proto::state(after.state).into(),
         summary: to_proto::session(&after).encode_to_vec(),
         stats_after: to_proto::stats(&after.stats, after.last_update).encode_to_vec(),
         state_hash: after.state_hash(),

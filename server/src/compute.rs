@@ -17,9 +17,9 @@ const TYPICAL_JOB: Duration = Duration::from_millis(15);
 /// A bounded pool for computation.
 #[derive(Debug)]
 pub(crate) struct Pool {
-    /// One permit for each job that runs or waits.
-    places: Arc<Semaphore>,
-    /// One permit for each job that runs, handed out in the order of arrival.
+    /// Bounds how many jobs run or wait.
+    slots: Arc<Semaphore>,
+    /// Bounds how many jobs run; handed out in the order of arrival.
     threads: Arc<Semaphore>,
     retry_after: Duration,
 }
@@ -29,7 +29,7 @@ impl Pool {
     pub(crate) fn new(threads: usize, queue_per_thread: usize) -> Self {
         let retry_after = TYPICAL_JOB * u32::try_from(queue_per_thread.max(1)).unwrap_or(u32::MAX);
         Self {
-            places: Arc::new(Semaphore::new(threads * (1 + queue_per_thread))),
+            slots: Arc::new(Semaphore::new(threads * (1 + queue_per_thread))),
             threads: Arc::new(Semaphore::new(threads)),
             retry_after,
         }
@@ -44,7 +44,7 @@ impl Pool {
         deadline: Instant,
         job: impl FnOnce() -> T + Send + 'static,
     ) -> Result<T, Error> {
-        let Ok(place) = self.places.clone().try_acquire_owned() else {
+        let Ok(slot) = self.slots.clone().try_acquire_owned() else {
             return Err(Error::QueueFull { queue: "compute", retry_after: self.retry_after });
         };
         let waiting = tokio::time::timeout_at(deadline, self.threads.clone().acquire_owned());
@@ -54,8 +54,8 @@ impl Pool {
             return Err(Error::DeadlineExceeded);
         }
         let running = tokio::task::spawn_blocking(move || {
-            // The permits live as long as the job, not as long as the caller's patience.
-            let _held = (place, thread);
+            // The permits live as long as the job, also when the caller stops waiting.
+            let _held = (slot, thread);
             job()
         });
         running.await.map_err(|failure| Error::internal(format!("a computation failed: {failure}")))
@@ -87,7 +87,7 @@ mod tests {
             let pool = pool.clone();
             async move { pool.run(soon(), || 7).await }
         });
-        while pool.places.available_permits() > 0 {
+        while pool.slots.available_permits() > 0 {
             tokio::task::yield_now().await;
         }
         let refused = pool.run(soon(), || 8).await.unwrap_err();

@@ -17,7 +17,7 @@ pub(crate) enum Error {
     /// There is no such session.
     #[error("there is no session {session_id:?}")]
     SessionNotFound {
-        /// Which was asked for.
+        /// Its id in the request.
         session_id: String,
     },
     /// The request created a session that is gone.
@@ -33,7 +33,7 @@ pub(crate) enum Error {
     /// The id is taken.
     #[error("a session {session_id:?} exists already: choose another session_id, or leave it empty")]
     SessionExists {
-        /// Which was asked for.
+        /// Its id in the request.
         session_id: String,
     },
     /// The same request id came before with another body.

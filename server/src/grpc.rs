@@ -93,8 +93,8 @@ fn replies<T: 'static>(
     Ok(Response::new(Box::pin(stream.map(|item| item.map_err(|error| status(&error))))))
 }
 
-/// A call of a later version of the contract's implementation.
-fn later(what: &str) -> Status {
+/// A call of the contract that this version does not implement.
+fn unavailable(what: &str) -> Status {
     status(&Error::unimplemented(what))
 }
 

@@ -8,7 +8,6 @@ mod events;
 mod exploration;
 mod extract;
 mod json_points;
-mod later;
 mod mesh;
 mod negotiation;
 mod openapi;
@@ -17,6 +16,7 @@ mod problem;
 mod proto_json;
 mod schema;
 mod sessions;
+mod unavailable;
 
 use std::any::Any;
 use std::sync::LazyLock;
@@ -52,7 +52,7 @@ pub(crate) fn router(api: Api, allowed_origins: Vec<HeaderValue>) -> Router {
     let trace = TraceLayer::new_for_http().make_span_with(span).on_failure(());
     let (routes, _) = documented().split_for_parts();
     routes
-        .merge(later::routes())
+        .merge(unavailable::routes())
         .route("/openapi.json", axum::routing::get(document))
         .with_state(api)
         .merge(openapi::documentation_page())

@@ -21,7 +21,7 @@ pub struct Limits {
     pub keep_out: usize,
     /// Page size where the caller names none.
     pub page_size: u32,
-    /// Largest page; larger wishes are capped.
+    /// Largest page; larger requests are capped.
     pub page_size_max: u32,
     /// Labels of one session.
     pub labels: usize,
@@ -31,11 +31,11 @@ pub struct Limits {
     pub text_bytes: usize,
     /// Sessions in the database.
     pub sessions: u64,
-    /// Sessions whose state is held in memory; the least recently used give way.
+    /// Sessions whose state is held in memory; the least recently used are dropped first.
     pub live_sessions: usize,
     /// Past states held in memory for meshes of earlier revisions.
     pub past_states: usize,
-    /// Calls that may wait for their turn in one session.
+    /// Calls that may wait for the permit to change one session.
     pub session_queue: usize,
     /// Computations that may wait for each core.
     pub compute_queue_per_core: usize,
@@ -51,13 +51,13 @@ pub struct Limits {
     pub header_bytes: u32,
     /// Sign of life on a silent watch stream where the caller names none.
     pub heartbeat: Duration,
-    /// Shortest heartbeat; shorter wishes are refused.
+    /// Shortest heartbeat; shorter ones are refused.
     pub heartbeat_min: Duration,
-    /// Longest heartbeat; longer wishes are refused.
+    /// Longest heartbeat; longer ones are refused.
     pub heartbeat_max: Duration,
     /// How long a call may take where the caller names no deadline.
     pub call_timeout: Duration,
-    /// How long open connections may finish after a stop was asked.
+    /// How long open connections may take to finish when the server stops.
     pub drain: Duration,
 }
 

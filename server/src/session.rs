@@ -22,7 +22,7 @@ use crate::sessions::Aggregate;
 /// Half the side of the pad that is assumed where none is declared, in metres.
 pub(crate) const DEFAULT_PAD_HALF_SIDE_M: f64 = 0.009;
 
-/// What is said of a session when it is created.
+/// What a session is created with.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Definition {
     pub(crate) session_id: String,
@@ -67,9 +67,9 @@ impl Definition {
     }
 }
 
-/// Where a session is in its life.
+/// Which calls a session takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Life {
+pub(crate) enum SessionState {
     /// Nothing was seen yet.
     AwaitingPrior,
     /// There is an estimate; contacts are taken.
@@ -84,7 +84,7 @@ pub(crate) struct Snapshot {
     pub(crate) definition: Arc<Definition>,
     /// The seq of the last event.
     pub(crate) revision: i64,
-    pub(crate) life: Life,
+    pub(crate) state: SessionState,
     pub(crate) reconstruction: Reconstruction,
     pub(crate) stats: Stats,
     pub(crate) should_stop: Option<StopReason>,
@@ -101,7 +101,7 @@ impl Snapshot {
         let reconstruction = Reconstruction::new(definition.config.clone());
         Self {
             revision: 1,
-            life: Life::AwaitingPrior,
+            state: SessionState::AwaitingPrior,
             stats: reconstruction.stats(),
             should_stop: None,
             digest: reconstruction.digest(),
@@ -126,7 +126,7 @@ impl Snapshot {
         let next = Self {
             definition: self.definition.clone(),
             revision: self.revision + 1,
-            life: Life::Active,
+            state: SessionState::Active,
             stats: reconstruction.stats(),
             should_stop: reconstruction.stop_reason(),
             digest: reconstruction.digest(),
@@ -172,16 +172,16 @@ impl Aggregate for Snapshot {
     }
 
     fn check_open(&self) -> Result<(), Error> {
-        match self.life {
-            Life::AwaitingPrior | Life::Active => Ok(()),
-            Life::Quarantined => {
+        match self.state {
+            SessionState::AwaitingPrior | SessionState::Active => Ok(()),
+            SessionState::Quarantined => {
                 Err(Error::SessionQuarantined { session_id: self.definition.session_id.clone() })
             }
         }
     }
 
     fn quarantined(&self, revision: i64) -> Self {
-        Self { revision, life: Life::Quarantined, ..self.clone() }
+        Self { revision, state: SessionState::Quarantined, ..self.clone() }
     }
 }
 

@@ -69,7 +69,7 @@ pub(crate) struct Change<S> {
     pub(crate) expected_revision: Option<i64>,
     pub(crate) actor: String,
     pub(crate) event: StoredEvent,
-    /// Computes what the event does to the session and what the caller is told, on the compute pool.
+    /// Computes the state after the event and the reply, on the compute pool.
     pub(crate) compute: Compute<S>,
 }
 
@@ -78,7 +78,7 @@ type Compute<S> = Arc<dyn Fn(&S) -> Result<Computed<S>, Error> + Send + Sync>;
 /// The newest state of a session, and each one after it.
 pub(crate) type States<S> = watch::Receiver<Arc<S>>;
 
-/// What tells a retry from a new request.
+/// Distinguishes a retry from a new request.
 #[derive(Clone, Debug)]
 pub(crate) struct RequestKey {
     /// Empty means that the caller does without protection.
@@ -311,7 +311,7 @@ fn recorded<S: Aggregate>(
 }
 
 impl From<StoreError> for Error {
-    /// What a caller is told of the log's failures; conflicts are dealt with before.
+    /// How a failure of the log reaches the caller; conflicts are dealt with before.
     fn from(failure: StoreError) -> Self {
         match failure {
             StoreError::QueueFull => Self::QueueFull { queue: "write", retry_after: RETRY_WRITE_AFTER },

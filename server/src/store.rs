@@ -25,7 +25,7 @@ pub(crate) use read::{EventRow, Filter, PageEnd, SessionRow};
 use write::{Change, Job};
 pub(crate) use write::{Deletion, NewEvent, NewSession, SessionHead};
 
-/// Why the log did not do what was asked.
+/// Why an operation on the log failed.
 #[derive(Clone, Debug, thiserror::Error)]
 pub(crate) enum StoreError {
     /// The session, its revision or a request id is not what the caller believes: read again.

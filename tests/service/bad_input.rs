@@ -1,7 +1,7 @@
 //! Numbers that are none, and the like: refused by name over both transports, and nothing is changed.
 
 use palpate_proto::v1;
-use palpate_proto::v1::contact_result::Outcome as Said;
+use palpate_proto::v1::contact_result::Outcome as ContactOutcome;
 
 use crate::harness::{
     Caller, Outcome, Server, Transport, accepted, cap, cloud, creation, prior, question, reply, report,
@@ -67,7 +67,7 @@ const BAD_PRIORS: [Case<v1::VisualPrior>; 19] = [
     ("a viewpoint beyond all rooms", "prior.viewpoint", NON_FINITE, |prior| {
         prior.viewpoint = Some(v1::Vector3 { x: -1e5, y: 0.0, z: 0.0 });
     }),
-    ("bytes of no said form", "prior.encoding", INVALID, |prior| prior.encoding = 0),
+    ("bytes of no stated form", "prior.encoding", INVALID, |prior| prior.encoding = 0),
     ("bytes of an unknown form", "prior.encoding", INVALID, |prior| prior.encoding = 77),
     ("floats that are called PLY", "prior.points", INVALID, |prior| {
         prior.encoding = v1::PointEncoding::Ply.into();
@@ -135,10 +135,10 @@ const BAD_CONTACTS: [Case<v1::Contact>; 21] = [
         contact.uncertainty = Some(f64::NAN);
     }),
     ("less than certain", "result.contact.uncertainty", INVALID, |contact| contact.uncertainty = Some(-0.1)),
-    ("a way from nowhere", "result.contact.swept_from", NON_FINITE, |contact| {
+    ("a sweep from nowhere", "result.contact.swept_from", NON_FINITE, |contact| {
         contact.swept_from.as_mut().unwrap().x = f64::NAN;
     }),
-    ("a way from 1e5 m", "result.contact.swept_from", NON_FINITE, |contact| {
+    ("a sweep from 1e5 m", "result.contact.swept_from", NON_FINITE, |contact| {
         contact.swept_from.as_mut().unwrap().x = 1e5;
     }),
     ("a normal of NaN", "result.contact.normal", NON_FINITE, |contact| {
@@ -158,7 +158,7 @@ async fn a_bad_contact_is_refused_by_name_and_changes_nothing() {
         let caller = server.caller(transport);
         for (what, field, reason, spoil) in BAD_CONTACTS {
             let mut result = touch(&next, 0.001);
-            let Some(Said::Contact(contact)) = &mut result.outcome else { panic!("a contact") };
+            let Some(ContactOutcome::Contact(contact)) = &mut result.outcome else { panic!("a contact") };
             spoil(contact);
             check(caller.report(report("ball", result, "bad")).await, what, field, reason);
         }
@@ -179,21 +179,21 @@ const BAD_RESULTS: [Case<v1::ContactResult>; 9] = [
     ("a time with too many nanoseconds", "result.observe_time", INVALID, |result| {
         result.observe_time = Some(palpate_proto::Timestamp { seconds: 1, nanos: -1 });
     }),
-    ("a way to nowhere", "result.no_contact.swept_to", NON_FINITE, |result| {
+    ("a sweep to nowhere", "result.no_contact.swept_to", NON_FINITE, |result| {
         sweep(result).swept_to.as_mut().unwrap().x = f64::NAN;
     }),
-    ("no way", "result.no_contact.swept_from", INVALID, |result| sweep(result).swept_from = None),
-    ("a way of negative width", "result.no_contact.sweep_radius_m", INVALID, |result| {
+    ("no sweep", "result.no_contact.swept_from", INVALID, |result| sweep(result).swept_from = None),
+    ("a sweep of negative width", "result.no_contact.sweep_radius_m", INVALID, |result| {
         sweep(result).sweep_radius_m = -0.01;
     }),
     ("an invalid contact nowhere", "result.invalid_contact.sensor_pose", INVALID, |result| {
-        result.outcome = Some(Said::InvalidContact(v1::InvalidContact::default()));
+        result.outcome = Some(ContactOutcome::InvalidContact(v1::InvalidContact::default()));
     }),
 ];
 
 fn sweep(result: &mut v1::ContactResult) -> &mut v1::NoContact {
     match &mut result.outcome {
-        Some(Said::NoContact(sweep)) => sweep,
+        Some(ContactOutcome::NoContact(sweep)) => sweep,
         other => panic!("{other:?}"),
     }
 }
@@ -214,7 +214,8 @@ async fn a_bad_report_is_refused_by_name_and_changes_nothing() {
             spoil(&mut result);
             check(caller.report(report("ball", result, "bad")).await, what, field, reason);
         }
-        let rejected = result(&next, Said::Rejected(v1::Rejected { reason: 77, ..Default::default() }));
+        let rejected =
+            result(&next, ContactOutcome::Rejected(v1::Rejected { reason: 77, ..Default::default() }));
         let outcome = caller.report(report("ball", rejected, "bad")).await;
         check(outcome, "an unknown reason", "result.rejected.reason", INVALID);
         let nothing = v1::ReportContactRequest { result: None, ..report("ball", touch(&next, 0.0), "bad") };
@@ -359,12 +360,12 @@ async fn what_is_only_unusual_is_accepted() {
 
         for (step, factor) in [1.0005, 0.9995].into_iter().enumerate() {
             let mut nearly = touch(&seen.candidates[0], 0.001);
-            let Some(Said::Contact(contact)) = &mut nearly.outcome else { panic!("a contact") };
+            let Some(ContactOutcome::Contact(contact)) = &mut nearly.outcome else { panic!("a contact") };
             turn(contact, factor);
             caller.report(report(name, nearly, &format!("nearly-{step}"))).await.unwrap();
         }
         let mut sure = touch(&seen.candidates[0], 0.002);
-        let Some(Said::Contact(contact)) = &mut sure.outcome else { panic!("a contact") };
+        let Some(ContactOutcome::Contact(contact)) = &mut sure.outcome else { panic!("a contact") };
         (contact.wrench, contact.uncertainty) = (None, Some(0.05));
         let reply = caller.report(report(name, sure, "sure")).await.unwrap();
         assert_eq!(reply.contact_uncertainty, 0.05, "the caller's own word counts");

@@ -1,7 +1,7 @@
 //! The whole loop on one stream, and what happens to it when something goes wrong.
 
-use palpate_client::proto::v1::explore_request::Message as Said;
-use palpate_client::proto::v1::explore_response::Message as Told;
+use palpate_client::proto::v1::explore_request::Message as RequestMessage;
+use palpate_client::proto::v1::explore_response::Message as ReplyMessage;
 use palpate_proto::v1;
 use tokio::sync::mpsc;
 use tokio_stream::StreamExt;
@@ -25,13 +25,13 @@ impl Line {
         Self { to, from }
     }
 
-    async fn say(&self, id: u64, request_id: &str, said: Said) {
+    async fn say(&self, id: u64, request_id: &str, said: RequestMessage) {
         let message = v1::ExploreRequest { id, request_id: request_id.into(), message: Some(said) };
         self.to.send(message).await.unwrap();
     }
 
     /// The next message, which must answer the message `id`.
-    async fn hear(&mut self, id: u64) -> Told {
+    async fn hear(&mut self, id: u64) -> ReplyMessage {
         let heard = soon("an answer", self.from.next()).await.unwrap().unwrap();
         assert_eq!(heard.in_reply_to, id, "{heard:?}");
         heard.message.unwrap()
@@ -39,7 +39,7 @@ impl Line {
 
     /// The fields or the reason of the problem that answers the message `id`.
     async fn refused(&mut self, id: u64) -> String {
-        let Told::Problem(problem) = self.hear(id).await else { panic!("a problem") };
+        let ReplyMessage::Problem(problem) = self.hear(id).await else { panic!("a problem") };
         assert!(problem.code != 0 && !problem.message.is_empty(), "{problem:?}");
         problem.fields.first().map_or(problem.reason, |field| field.field.clone())
     }
@@ -55,37 +55,38 @@ async fn a_stream_carries_the_whole_loop_and_survives_what_is_refused() {
     let caller = server.grpc();
     caller.create(creation("ball")).await.unwrap();
     let mut line = Line::open(&caller).await;
-    line.say(1, "", Said::Ping(v1::Ping { nonce: 9 })).await;
-    assert_eq!(line.hear(1).await, Told::Pong(v1::Ping { nonce: 9 }));
-    line.say(2, "", Said::VisualPrior(cap())).await;
+    line.say(1, "", RequestMessage::Ping(v1::Ping { nonce: 9 })).await;
+    assert_eq!(line.hear(1).await, ReplyMessage::Pong(v1::Ping { nonce: 9 }));
+    line.say(2, "", RequestMessage::VisualPrior(cap())).await;
     assert_eq!(line.refused(2).await, "message", "the stream is not open yet");
-    line.say(3, "", Said::Open(open("nowhere"))).await;
+    line.say(3, "", RequestMessage::Open(open("nowhere"))).await;
     assert_eq!(line.refused(3).await, "SESSION_NOT_FOUND");
-    line.say(4, "", Said::Open(v1::ExploreOpen { send_mesh: true, ..open("ball") })).await;
-    let Told::Opened(session) = line.hear(4).await else { panic!("opened") };
+    line.say(4, "", RequestMessage::Open(v1::ExploreOpen { send_mesh: true, ..open("ball") })).await;
+    let ReplyMessage::Opened(session) = line.hear(4).await else { panic!("opened") };
     assert_eq!(session, caller.get("ball").await.unwrap());
-    line.say(5, "", Said::Open(open("ball"))).await;
+    line.say(5, "", RequestMessage::Open(open("ball"))).await;
     assert_eq!(line.refused(5).await, "open", "only once");
-    line.say(6, "", Said::Propose(question("", 1))).await;
+    line.say(6, "", RequestMessage::Propose(question("", 1))).await;
     assert_eq!(line.refused(6).await, "NO_VISUAL_PRIOR");
 
-    line.say(7, "", Said::VisualPrior(v1::VisualPrior { uncertainty: Some(f64::NAN), ..cap() })).await;
+    line.say(7, "", RequestMessage::VisualPrior(v1::VisualPrior { uncertainty: Some(f64::NAN), ..cap() }))
+        .await;
     assert_eq!(line.refused(7).await, "visual_prior.uncertainty");
-    line.say(8, "prior", Said::VisualPrior(cap())).await;
-    let Told::Prior(seen) = line.hear(8).await else { panic!("prior") };
-    let Told::Mesh(mesh) = line.hear(8).await else { panic!("mesh") };
+    line.say(8, "prior", RequestMessage::VisualPrior(cap())).await;
+    let ReplyMessage::Prior(seen) = line.hear(8).await else { panic!("prior") };
+    let ReplyMessage::Mesh(mesh) = line.hear(8).await else { panic!("mesh") };
     assert_eq!((mesh.revision, seen.candidates.len()), (2, 1));
 
     let mut nonsense = touch(&seen.candidates[0], 0.001);
     nonsense.candidate_id = "417".into();
-    line.say(9, "touch", Said::Result(nonsense)).await;
+    line.say(9, "touch", RequestMessage::Result(nonsense)).await;
     assert_eq!(line.refused(9).await, "result.candidate_id");
-    line.say(10, "touch", Said::Result(touch(&seen.candidates[0], 0.001))).await;
-    let Told::Accepted(touched) = line.hear(10).await else { panic!("accepted") };
-    let Told::Mesh(mesh) = line.hear(10).await else { panic!("mesh") };
+    line.say(10, "touch", RequestMessage::Result(touch(&seen.candidates[0], 0.001))).await;
+    let ReplyMessage::Accepted(touched) = line.hear(10).await else { panic!("accepted") };
+    let ReplyMessage::Mesh(mesh) = line.hear(10).await else { panic!("mesh") };
     assert_eq!((touched.seq, touched.duplicate, mesh.revision), (3, false, 3));
-    line.say(11, "", Said::Propose(question("", 3))).await;
-    let Told::Candidates(proposal) = line.hear(11).await else { panic!("candidates") };
+    line.say(11, "", RequestMessage::Propose(question("", 3))).await;
+    let ReplyMessage::Candidates(proposal) = line.hear(11).await else { panic!("candidates") };
     assert_eq!(proposal, caller.propose(question("ball", 3)).await.unwrap());
     assert_eq!(touched.session.unwrap(), caller.get("ball").await.unwrap());
 
@@ -99,33 +100,33 @@ async fn a_stream_that_is_opened_again_tells_what_was_missed_and_counts_nothing_
     let caller = server.grpc();
     let first = caller.begin("ball").await;
     let mut line = Line::open(&caller).await;
-    line.say(1, "", Said::Open(open("ball"))).await;
+    line.say(1, "", RequestMessage::Open(open("ball"))).await;
     line.hear(1).await;
-    line.say(2, "touch", Said::Result(touch(&first, 0.001))).await;
-    let Told::Accepted(touched) = line.hear(2).await else { panic!("accepted") };
-    line.say(3, "miss", Said::Result(miss(&touched.candidates[0]))).await;
-    let Told::Accepted(missed) = line.hear(3).await else { panic!("accepted") };
+    line.say(2, "touch", RequestMessage::Result(touch(&first, 0.001))).await;
+    let ReplyMessage::Accepted(touched) = line.hear(2).await else { panic!("accepted") };
+    line.say(3, "miss", RequestMessage::Result(miss(&touched.candidates[0]))).await;
+    let ReplyMessage::Accepted(missed) = line.hear(3).await else { panic!("accepted") };
     drop(line);
 
     let mut line = Line::open(&caller).await;
     let resume = v1::ExploreOpen { resume_after_revision: 2, top_k: 5, ..open("ball") };
-    line.say(1, "", Said::Open(resume)).await;
-    let Told::Opened(session) = line.hear(1).await else { panic!("opened") };
+    line.say(1, "", RequestMessage::Open(resume)).await;
+    let ReplyMessage::Opened(session) = line.hear(1).await else { panic!("opened") };
     assert_eq!(session.revision, 4);
-    assert_eq!(line.hear(1).await, Told::Accepted(touched));
-    assert_eq!(line.hear(1).await, Told::Accepted(missed.clone()));
+    assert_eq!(line.hear(1).await, ReplyMessage::Accepted(touched));
+    assert_eq!(line.hear(1).await, ReplyMessage::Accepted(missed.clone()));
     let candidate = missed.candidates[0].clone();
-    line.say(2, "miss", Said::Result(miss(&candidate))).await;
+    line.say(2, "miss", RequestMessage::Result(miss(&candidate))).await;
     assert_eq!(line.refused(2).await, "REQUEST_ID_REUSED", "another candidate is another message");
-    line.say(3, "next", Said::Result(miss(&candidate))).await;
-    let Told::Accepted(next) = line.hear(3).await else { panic!("accepted") };
-    line.say(4, "next", Said::Result(miss(&candidate))).await;
-    let Told::Accepted(again) = line.hear(4).await else { panic!("accepted") };
+    line.say(3, "next", RequestMessage::Result(miss(&candidate))).await;
+    let ReplyMessage::Accepted(next) = line.hear(3).await else { panic!("accepted") };
+    line.say(4, "next", RequestMessage::Result(miss(&candidate))).await;
+    let ReplyMessage::Accepted(again) = line.hear(4).await else { panic!("accepted") };
     assert_eq!(again, v1::ReportContactResponse { duplicate: true, ..next });
     assert_eq!(caller.get("ball").await.unwrap().revision, 5);
 
     let mut line = Line::open(&caller).await;
-    line.say(1, "", Said::Open(v1::ExploreOpen { resume_after_revision: 6, ..open("ball") })).await;
+    line.say(1, "", RequestMessage::Open(v1::ExploreOpen { resume_after_revision: 6, ..open("ball") })).await;
     assert_eq!(line.refused(1).await, "open.resume_after_revision");
 }
 

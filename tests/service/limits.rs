@@ -41,7 +41,7 @@ async fn too_large_a_message_is_refused_with_the_limit() {
 }
 
 #[tokio::test]
-async fn a_session_takes_only_so_many_points_and_results() {
+async fn a_session_takes_a_limited_number_of_points_and_results() {
     let limits = Limits { visual_points: 130, contacts: 2, ..Limits::default() };
     let server = Server::with_limits(limits).await;
     let caller = server.grpc();
@@ -192,7 +192,7 @@ async fn a_full_queue_refuses_at_once_and_says_when_to_try_again() {
 }
 
 #[tokio::test]
-async fn readers_need_no_turn_in_a_session_that_is_being_changed() {
+async fn readers_do_not_wait_for_a_change() {
     let server = Server::with_limits(Limits { session_queue: 0, ..Limits::default() }).await;
     let next = server.grpc().begin("ball").await;
     let writer = tokio::spawn({

@@ -1,7 +1,7 @@
 //! Every outcome of an approach is counted as what it is, and a failure is data, not an error.
 
 use palpate_proto::v1;
-use palpate_proto::v1::contact_result::Outcome as Said;
+use palpate_proto::v1::contact_result::Outcome as ContactOutcome;
 
 use crate::harness::{Caller, Server, Transport, miss, question, report, result, touch};
 
@@ -94,7 +94,7 @@ async fn a_rejected_candidate_counts_as_a_failure_and_makes_room_for_another() {
         let caller = server.caller(transport);
         let rejected =
             v1::Rejected { reason: v1::RejectReason::NoIk.into(), detail: "elbow at its limit".into() };
-        let said = Said::Rejected(rejected.clone());
+        let said = ContactOutcome::Rejected(rejected.clone());
         let (candidate, reply) = say(&caller, name, |next| result(next, said)).await;
         assert_eq!(counts(reply.session.as_ref()), [0, 0, 1, 0, 0, 1, 1, 1]);
         assert!(distance_m(&candidate, &reply.candidates[0]) > 0.005);
@@ -106,7 +106,7 @@ async fn a_rejected_candidate_counts_as_a_failure_and_makes_room_for_another() {
 
         let log = caller.log(name).await;
         let Some(v1::event::Kind::ContactResult(logged)) = &log[2].kind else { panic!("{:?}", log[2]) };
-        assert_eq!(logged.outcome, Some(Said::Rejected(rejected)), "what the robot said is kept");
+        assert_eq!(logged.outcome, Some(ContactOutcome::Rejected(rejected)), "what the robot said is kept");
         let nothing = v1::ContactResult { candidate_id: String::new(), ..logged.clone() };
         let refused = caller.report(report(name, nothing, "of nothing")).await.unwrap_err();
         assert_eq!(refused.fields, ["result.candidate_id"]);
@@ -121,7 +121,7 @@ async fn a_touch_outside_the_pad_is_counted_and_is_no_attractor() {
         let said = |next: &v1::Candidate| {
             let invalid =
                 v1::InvalidContact { sensor_pose: next.tool_pose, detail: "the wrist touched".into() };
-            result(next, Said::InvalidContact(invalid))
+            result(next, ContactOutcome::InvalidContact(invalid))
         };
         let (_, reply) = say(&server.caller(transport), name, said).await;
         assert_eq!(counts(reply.session.as_ref()), [0, 0, 0, 0, 1, 1, 1, 1]);
@@ -149,13 +149,13 @@ async fn a_wrench_that_looks_wrong_is_accepted_with_a_warning() {
     let caller = server.grpc();
     let next = caller.begin("ball").await;
     let mut pulling = touch(&next, 0.0);
-    let Some(Said::Contact(contact)) = &mut pulling.outcome else { panic!("a contact") };
+    let Some(ContactOutcome::Contact(contact)) = &mut pulling.outcome else { panic!("a contact") };
     contact.wrench.as_mut().unwrap().force.as_mut().unwrap().z = 2.0;
     let reply = caller.report(report("ball", pulling, "pulling")).await.unwrap();
     assert_eq!(reply.warnings.len(), 1, "{:?}", reply.warnings);
 
     let mut twisting = touch(&reply.candidates[0], 0.0);
-    let Some(Said::Contact(contact)) = &mut twisting.outcome else { panic!("a contact") };
+    let Some(ContactOutcome::Contact(contact)) = &mut twisting.outcome else { panic!("a contact") };
     contact.wrench.as_mut().unwrap().torque.as_mut().unwrap().x = 0.5;
     let reply = caller.report(report("ball", twisting, "twisting")).await.unwrap();
     assert_eq!(reply.warnings.len(), 1, "{:?}", reply.warnings);
@@ -169,7 +169,7 @@ async fn a_normal_that_points_into_the_object_is_ignored_with_a_warning() {
     let mut next = caller.begin("ball").await;
     for (sign, warnings) in [(1.0, 0), (-1.0, 1)] {
         let mut measured = touch(&next, 0.0);
-        let Some(Said::Contact(contact)) = &mut measured.outcome else { panic!("a contact") };
+        let Some(ContactOutcome::Contact(contact)) = &mut measured.outcome else { panic!("a contact") };
         let outwards = next.normal.unwrap();
         contact.normal =
             Some(v1::Vector3 { x: sign * outwards.x, y: sign * outwards.y, z: sign * outwards.z });

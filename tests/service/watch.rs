@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use palpate_proto::v1;
-use palpate_proto::v1::contact_result::Outcome as Said;
+use palpate_proto::v1::contact_result::Outcome as ContactOutcome;
 use palpate_proto::v1::watch_session_response::Update;
 use palpate_server::Limits;
 use tokio_stream::StreamExt;
@@ -61,7 +61,7 @@ async fn a_watcher_sees_what_was_and_what_comes_with_the_session_after_it() {
     );
     assert!(sent.faces_u32_le.is_empty(), "the faces came with the first mesh");
 
-    let refuse = |next: &v1::Candidate| result(next, Said::Rejected(v1::Rejected::default()));
+    let refuse = |next: &v1::Candidate| result(next, ContactOutcome::Rejected(v1::Rejected::default()));
     let refused = caller.report(report("ball", refuse(&touched.candidates[0]), "refused")).await.unwrap();
     assert_eq!(next(&mut updates).await.session, refused.session);
     let last = caller.report(report("ball", refuse(&refused.candidates[0]), "last")).await.unwrap();

@@ -5,12 +5,12 @@
 //! ```
 //!
 //! A message that fails is answered by a problem and the stream goes on. What was accepted is in the
-//! log, so after a broken stream the robot opens another one and is told what it missed.
+//! log, so after a broken stream the robot opens another one and gets the replies that it missed.
 
 use palpate_proto::v1;
 use palpate_proto::v1::event::Kind;
-use palpate_proto::v1::explore_request::Message as Asked;
-use palpate_proto::v1::explore_response::Message as Told;
+use palpate_proto::v1::explore_request::Message as RequestMessage;
+use palpate_proto::v1::explore_response::Message as ReplyMessage;
 use tokio::sync::mpsc;
 use tokio::time::Instant;
 use tokio_stream::{Stream, StreamExt};
@@ -36,12 +36,12 @@ struct Exploration {
     topology: String,
 }
 
-/// Answers go to the caller through here.
-struct Stage {
+/// A stream as the server sees it: what it knows of the caller, and where its replies go.
+struct ExploreStream {
     api: Api,
     actor: String,
     open: Option<Exploration>,
-    to: mpsc::Sender<Result<v1::ExploreResponse, Error>>,
+    replies: mpsc::Sender<Result<v1::ExploreResponse, Error>>,
 }
 
 /// The caller is gone.
@@ -58,34 +58,34 @@ impl Api {
         call: Call,
     ) -> Result<Replies<v1::ExploreResponse>, Error> {
         self.run("Explore", "", &call, async |_| {
-            let place = self.stream_place()?;
-            let (to, replies) = mpsc::channel(STREAM_BUFFER);
-            let stage = Stage { api: self.clone(), actor: call.actor.clone(), open: None, to };
+            let slot = self.stream_slot()?;
+            let (replies, receiver) = mpsc::channel(STREAM_BUFFER);
+            let stream = ExploreStream { api: self.clone(), actor: call.actor.clone(), open: None, replies };
             let run = async move {
-                stage.run(messages).await;
-                drop(place);
+                stream.run(messages).await;
+                drop(slot);
             };
             tokio::spawn(run.in_current_span());
-            Ok(Replies::new(replies))
+            Ok(Replies::new(receiver))
         })
         .await
     }
 }
 
-impl Stage {
+impl ExploreStream {
     async fn run(mut self, mut messages: impl Stream<Item = Result<v1::ExploreRequest, Error>> + Unpin) {
         let stopping = self.api.stopping.clone();
         loop {
             let next = tokio::select! {
                 next = messages.next() => next,
                 () = stopping.cancelled() => Some(Err(Error::Draining)),
-                () = self.to.closed() => None,
+                () = self.replies.closed() => None,
             };
             match next {
                 None => return,
                 Some(Err(error)) => {
-                    // The caller's own failure, or ours to go on: either way this is the last word.
-                    let _ = self.to.send(Err(error)).await;
+                    // Either the caller's stream broke or the server stops: nothing comes after it.
+                    let _ = self.replies.send(Err(error)).await;
                     return;
                 }
                 Some(Ok(message)) => {
@@ -103,33 +103,33 @@ impl Stage {
         let deadline = started + self.api.limits.call_timeout;
         let outcome = match message {
             None => Err(Error::field("message", "is missing")),
-            Some(Asked::Ping(ping)) => Ok(vec![Told::Pong(ping)]),
-            Some(Asked::Open(open)) => self.open(open, deadline).await,
-            Some(Asked::VisualPrior(prior)) => self.add_prior(prior, request_id, deadline).await,
-            Some(Asked::Result(result)) => self.report(result, request_id, deadline).await,
-            Some(Asked::Propose(propose)) => self.propose(propose, deadline).await,
+            Some(RequestMessage::Ping(ping)) => Ok(vec![ReplyMessage::Pong(ping)]),
+            Some(RequestMessage::Open(open)) => self.open(open, deadline).await,
+            Some(RequestMessage::VisualPrior(prior)) => self.add_prior(prior, request_id, deadline).await,
+            Some(RequestMessage::Result(result)) => self.report(result, request_id, deadline).await,
+            Some(RequestMessage::Propose(propose)) => self.propose(propose, deadline).await,
         };
         let session_id = self.open.as_ref().map_or("", |open| open.session_id.as_str());
         tracing::info_span!("explore", session_id, id)
             .in_scope(|| super::log(outcome.as_ref().err(), started));
-        let replies = outcome.unwrap_or_else(|error| vec![Told::Problem(problem(&error))]);
+        let replies = outcome.unwrap_or_else(|error| vec![ReplyMessage::Problem(problem(&error))]);
         for reply in replies {
-            self.tell(id, reply).await?;
+            self.reply(id, reply).await?;
         }
         Ok(())
     }
 
-    async fn tell(&self, id: u64, message: Told) -> Result<(), Gone> {
+    async fn reply(&self, id: u64, message: ReplyMessage) -> Result<(), Gone> {
         let revision = match &message {
-            Told::Opened(session) => session.revision,
-            Told::Accepted(reply) => reply.session.as_ref().map_or(0, |session| session.revision),
-            Told::Prior(reply) => reply.session.as_ref().map_or(0, |session| session.revision),
-            Told::Candidates(reply) => reply.revision,
-            Told::Mesh(mesh) => mesh.revision,
-            Told::Problem(_) | Told::Pong(_) => self.known_revision(),
+            ReplyMessage::Opened(session) => session.revision,
+            ReplyMessage::Accepted(reply) => reply.session.as_ref().map_or(0, |session| session.revision),
+            ReplyMessage::Prior(reply) => reply.session.as_ref().map_or(0, |session| session.revision),
+            ReplyMessage::Candidates(reply) => reply.revision,
+            ReplyMessage::Mesh(mesh) => mesh.revision,
+            ReplyMessage::Problem(_) | ReplyMessage::Pong(_) => self.known_revision(),
         };
         let reply = v1::ExploreResponse { in_reply_to: id, revision, message: Some(message) };
-        self.to.send(Ok(reply)).await.map_err(|_| Gone)
+        self.replies.send(Ok(reply)).await.map_err(|_| Gone)
     }
 
     fn known_revision(&self) -> i64 {
@@ -138,7 +138,7 @@ impl Stage {
         snapshot.map_or(0, |snapshot| snapshot.revision)
     }
 
-    async fn open(&mut self, open: v1::ExploreOpen, deadline: Instant) -> Result<Vec<Told>, Error> {
+    async fn open(&mut self, open: v1::ExploreOpen, deadline: Instant) -> Result<Vec<ReplyMessage>, Error> {
         let v1::ExploreOpen { session_id, robot, top_k, send_mesh, resume_after_revision } = open;
         if self.open.is_some() {
             return Err(Error::field("open", "came before: a stream explores one session"));
@@ -152,7 +152,7 @@ impl Stage {
                 format!("{resume_after_revision} is not between 0 and the session's revision {revision}");
             return Err(Error::field("open.resume_after_revision", description));
         }
-        let mut replies = vec![Told::Opened(to_proto::session(&snapshot))];
+        let mut replies = vec![ReplyMessage::Opened(to_proto::session(&snapshot))];
         if resume_after_revision > 0 {
             replies.extend(self.missed(&session_id, resume_after_revision).await?);
         }
@@ -161,7 +161,7 @@ impl Stage {
     }
 
     /// The replies that a broken stream may have swallowed, from the log.
-    async fn missed(&self, session_id: &str, mut after: i64) -> Result<Vec<Told>, Error> {
+    async fn missed(&self, session_id: &str, mut after: i64) -> Result<Vec<ReplyMessage>, Error> {
         let mut missed = Vec::new();
         loop {
             let rows = self.api.sessions.store.events(session_id, after, PAGE).await?;
@@ -170,8 +170,8 @@ impl Stage {
             for row in &rows {
                 let kind = crate::wire::event::kind(row.seq, &row.payload);
                 match kind.map_err(|error| Error::internal(error.to_string()))? {
-                    Kind::VisualPrior(_) => missed.push(Told::Prior(stored(&row.reply)?)),
-                    Kind::ContactResult(_) => missed.push(Told::Accepted(stored(&row.reply)?)),
+                    Kind::VisualPrior(_) => missed.push(ReplyMessage::Prior(stored(&row.reply)?)),
+                    Kind::ContactResult(_) => missed.push(ReplyMessage::Accepted(stored(&row.reply)?)),
                     Kind::Created(_) | Kind::RetractedSeq(_) | Kind::Finished(_) => {}
                 }
             }
@@ -183,7 +183,7 @@ impl Stage {
         prior: v1::VisualPrior,
         request_id: String,
         deadline: Instant,
-    ) -> Result<Vec<Told>, Error> {
+    ) -> Result<Vec<ReplyMessage>, Error> {
         let open = self.open.as_ref().ok_or_else(not_open)?;
         let session_id = open.session_id.clone();
         let request =
@@ -194,7 +194,7 @@ impl Stage {
         let robot = open.robot.as_ref();
         let reply = self.api.add_prior(request, robot, key, &self.actor, NAMES, deadline).await?;
         let revision = reply.session.as_ref().map_or(0, |session| session.revision);
-        self.with_mesh(Told::Prior(reply), revision, deadline).await
+        self.with_mesh(ReplyMessage::Prior(reply), revision, deadline).await
     }
 
     async fn report(
@@ -202,7 +202,7 @@ impl Stage {
         result: v1::ContactResult,
         request_id: String,
         deadline: Instant,
-    ) -> Result<Vec<Told>, Error> {
+    ) -> Result<Vec<ReplyMessage>, Error> {
         let open = self.open.as_ref().ok_or_else(not_open)?;
         let session_id = open.session_id.clone();
         let request =
@@ -211,14 +211,14 @@ impl Stage {
         let request = v1::ReportContactRequest { propose: open.top_k, robot: open.robot.clone(), ..request };
         let reply = self.api.report(request, key, &self.actor, NAMES, deadline).await?;
         let revision = reply.seq;
-        self.with_mesh(Told::Accepted(reply), revision, deadline).await
+        self.with_mesh(ReplyMessage::Accepted(reply), revision, deadline).await
     }
 
     async fn propose(
         &self,
         mut request: v1::ProposeContactsRequest,
         deadline: Instant,
-    ) -> Result<Vec<Told>, Error> {
+    ) -> Result<Vec<ReplyMessage>, Error> {
         let open = self.open.as_ref().ok_or_else(not_open)?;
         if !request.session_id.is_empty() && request.session_id != open.session_id {
             let description =
@@ -231,11 +231,16 @@ impl Stage {
             request.robot.clone_from(&open.robot);
             names.robot = NAMES.robot;
         }
-        Ok(vec![Told::Candidates(self.api.propose(request, names, deadline).await?)])
+        Ok(vec![ReplyMessage::Candidates(self.api.propose(request, names, deadline).await?)])
     }
 
-    /// The reply, and after it the mesh if the caller asked for meshes.
-    async fn with_mesh(&mut self, reply: Told, revision: i64, deadline: Instant) -> Result<Vec<Told>, Error> {
+    /// The reply, and after it the mesh if the caller wants meshes.
+    async fn with_mesh(
+        &mut self,
+        reply: ReplyMessage,
+        revision: i64,
+        deadline: Instant,
+    ) -> Result<Vec<ReplyMessage>, Error> {
         let Some(open) = self.open.as_mut().filter(|open| open.send_mesh) else { return Ok(vec![reply]) };
         let mesh = self.api.raw_mesh(&open.session_id, revision, open.topology.clone(), deadline).await;
         match mesh {
@@ -243,10 +248,10 @@ impl Stage {
                 if let Some(v1::mesh::Body::Raw(raw)) = &mesh.body {
                     open.topology.clone_from(&raw.topology_etag);
                 }
-                Ok(vec![reply, Told::Mesh(mesh)])
+                Ok(vec![reply, ReplyMessage::Mesh(mesh)])
             }
             // What was accepted stays accepted, and the caller must know both.
-            Err(error) => Ok(vec![reply, Told::Problem(problem(&error))]),
+            Err(error) => Ok(vec![reply, ReplyMessage::Problem(problem(&error))]),
         }
     }
 }

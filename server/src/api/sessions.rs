@@ -29,7 +29,7 @@ impl Api {
             if !session_id.is_empty() {
                 from_proto::check_session_id(&session_id)?;
             }
-            // Refused before anything else is asked, and again for nothing: it is cheap.
+            // Checked before the store is asked; the second check, at the creation, is cheap.
             from_proto::definition(&request, 0, &self.limits)?;
             let limits = self.limits.clone();
             let creation = Creation {
@@ -97,7 +97,7 @@ impl Api {
                 state: state_filter(state)?,
                 labels,
             };
-            // One more than asked for tells whether there is a next page.
+            // One more than requested shows whether there is a next page.
             let wanted = i64::try_from(count + 1).unwrap_or(i64::MAX);
             let mut rows = self.sessions.store.list(&filter, after.as_ref(), wanted).await?;
             let has_more = rows.len() > count;

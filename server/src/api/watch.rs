@@ -36,7 +36,7 @@ struct Watcher {
     topology: String,
     /// The state whose mesh was sent last.
     shown: Option<Arc<Snapshot>>,
-    to: Sender,
+    updates: Sender,
 }
 
 impl Api {
@@ -53,7 +53,7 @@ impl Api {
         self.run_on_session("WatchSession", &session_id, &call, async |deadline| {
             let v1::WatchSessionRequest { session_id, after_revision, include_mesh, heartbeat } = request;
             let heartbeat = heartbeat_interval(heartbeat, &self.limits)?;
-            let place = self.stream_place()?;
+            let slot = self.stream_slot()?;
             let snapshots = self.sessions.subscribe(&session_id, deadline).await?;
             let revision = snapshots.borrow().revision;
             if !(0..=revision).contains(&after_revision) {
@@ -61,7 +61,7 @@ impl Api {
                     format!("{after_revision} is not between 0 and the session's revision {revision}");
                 return Err(Error::field("after_revision", description));
             }
-            let (to, replies) = mpsc::channel(STREAM_BUFFER);
+            let (updates, receiver) = mpsc::channel(STREAM_BUFFER);
             let watcher = Watcher {
                 api: self.clone(),
                 session_id,
@@ -70,14 +70,14 @@ impl Api {
                 heartbeat,
                 topology: String::new(),
                 shown: None,
-                to,
+                updates,
             };
             let follow = async move {
                 watcher.follow(snapshots).await;
-                drop(place);
+                drop(slot);
             };
             tokio::spawn(follow.in_current_span());
-            Ok(Replies::new(replies))
+            Ok(Replies::new(receiver))
         })
         .await
     }
@@ -85,18 +85,18 @@ impl Api {
 
 impl Watcher {
     async fn follow(mut self, snapshots: watch::Receiver<Arc<Snapshot>>) {
-        let (to, stopping) = (self.to.clone(), self.api.stopping.clone());
+        let (updates, stopping) = (self.updates.clone(), self.api.stopping.clone());
         let outcome = tokio::select! {
             outcome = self.follow_log(snapshots) => outcome,
             () = stopping.cancelled() => Err(Error::Draining),
-            () = to.closed() => Ok(()),
+            () = updates.closed() => Ok(()),
         };
         match outcome {
             Ok(()) => tracing::debug!("the watcher left"),
             Err(error) => {
                 tracing::info!(%error, "a watch ended");
-                // A reader that is as slow as that, or gone, learns it by the end of the stream.
-                let _ = to.try_send(Err(error));
+                // A reader whose buffer is full, or who is gone, only sees the stream end.
+                let _ = updates.try_send(Err(error));
             }
         }
     }
@@ -181,7 +181,7 @@ impl Watcher {
     ) -> bool {
         let message =
             v1::WatchSessionResponse { update: Some(update), session, candidates, hash_matches: false };
-        self.to.send(Ok(message)).await.is_ok()
+        self.updates.send(Ok(message)).await.is_ok()
     }
 
     fn deadline(&self) -> Instant {

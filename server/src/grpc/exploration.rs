@@ -5,7 +5,7 @@ use palpate_proto::v1::exploration_service_server::ExplorationService;
 use tokio_stream::StreamExt;
 use tonic::{Request, Response, Status, Streaming};
 
-use super::{Handlers, Replies, call, later, replies, reply, status};
+use super::{Handlers, Replies, call, replies, reply, status, unavailable};
 
 #[tonic::async_trait]
 impl ExplorationService for Handlers {
@@ -37,7 +37,7 @@ impl ExplorationService for Handlers {
         &self,
         _request: Request<v1::RetractEventRequest>,
     ) -> Result<Response<v1::Session>, Status> {
-        Err(later("RetractEvent"))
+        Err(unavailable("RetractEvent"))
     }
 
     type ExploreStream = Replies<v1::ExploreResponse>;

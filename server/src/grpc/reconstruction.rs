@@ -4,7 +4,7 @@ use palpate_proto::v1;
 use palpate_proto::v1::reconstruction_service_server::ReconstructionService;
 use tonic::{Request, Response, Status};
 
-use super::{Handlers, Replies, call, later, replies, reply};
+use super::{Handlers, Replies, call, replies, reply, unavailable};
 
 #[tonic::async_trait]
 impl ReconstructionService for Handlers {
@@ -37,13 +37,13 @@ impl ReconstructionService for Handlers {
         &self,
         _request: Request<v1::ReplaySessionRequest>,
     ) -> Result<Response<Self::ReplaySessionStream>, Status> {
-        Err(later("ReplaySession"))
+        Err(unavailable("ReplaySession"))
     }
 
     async fn evaluate_session(
         &self,
         _request: Request<v1::EvaluateSessionRequest>,
     ) -> Result<Response<v1::EvaluateSessionResponse>, Status> {
-        Err(later("EvaluateSession"))
+        Err(unavailable("EvaluateSession"))
     }
 }

@@ -4,7 +4,7 @@ use palpate_proto::v1;
 use palpate_proto::v1::session_service_server::SessionService;
 use tonic::{Request, Response, Status, Streaming};
 
-use super::{Handlers, Replies, call, later, reply};
+use super::{Handlers, Replies, call, reply, unavailable};
 
 #[tonic::async_trait]
 impl SessionService for Handlers {
@@ -36,14 +36,14 @@ impl SessionService for Handlers {
         &self,
         _request: Request<v1::UpdateSessionRequest>,
     ) -> Result<Response<v1::Session>, Status> {
-        Err(later("UpdateSession"))
+        Err(unavailable("UpdateSession"))
     }
 
     async fn finish_session(
         &self,
         _request: Request<v1::FinishSessionRequest>,
     ) -> Result<Response<v1::Session>, Status> {
-        Err(later("FinishSession"))
+        Err(unavailable("FinishSession"))
     }
 
     async fn delete_session(
@@ -58,7 +58,7 @@ impl SessionService for Handlers {
         &self,
         _request: Request<v1::ForkSessionRequest>,
     ) -> Result<Response<v1::Session>, Status> {
-        Err(later("ForkSession"))
+        Err(unavailable("ForkSession"))
     }
 
     type ExportSessionStream = Replies<v1::Chunk>;
@@ -67,14 +67,14 @@ impl SessionService for Handlers {
         &self,
         _request: Request<v1::ExportSessionRequest>,
     ) -> Result<Response<Self::ExportSessionStream>, Status> {
-        Err(later("ExportSession"))
+        Err(unavailable("ExportSession"))
     }
 
     async fn import_session(
         &self,
         _request: Request<Streaming<v1::ImportSessionRequest>>,
     ) -> Result<Response<v1::Session>, Status> {
-        Err(later("ImportSession"))
+        Err(unavailable("ImportSession"))
     }
 
     async fn get_server_info(

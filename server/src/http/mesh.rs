@@ -13,7 +13,7 @@ use super::{negotiation, tagged};
 use crate::api::{Api, Call};
 use crate::error::Error;
 
-/// What `Accept` may ask for, the first being what a caller without a wish gets; `application/json` asks for arrays.
+/// What `Accept` may ask for, the first being the default; `application/json` means arrays.
 const OFFERS: [(&str, v1::MeshFormat); 4] = [
     ("model/ply", v1::MeshFormat::Ply),
     ("model/obj", v1::MeshFormat::Obj),

@@ -1,9 +1,9 @@
-//! The `Accept` header: which of the media types on offer the caller likes best.
+//! The `Accept` header: which of the media types on offer the caller prefers.
 
 use http::HeaderMap;
 use http::header::ACCEPT;
 
-/// The offer that the caller likes best, ties going to the one offered first; `None` when it takes none of them.
+/// The offer that the caller prefers, ties going to the one offered first; `None` when it takes none of them.
 /// A caller that says nothing takes everything.
 pub(super) fn choose<T: Copy>(headers: &HeaderMap, offers: &[(&str, T)]) -> Option<T> {
     let ranges: Vec<Range> = headers
@@ -38,7 +38,7 @@ pub(super) fn names(headers: &HeaderMap, media_type: &str) -> bool {
             .any(|value| value.to_str().is_ok_and(|value| value.contains(media_type)))
 }
 
-/// One media range with the caller's liking for it, in [0, 1].
+/// One media range with its quality value, in [0, 1].
 struct Range<'a> {
     media_type: &'a str,
     quality: f32,

@@ -71,7 +71,7 @@ impl Problem {
         Self::new(StatusCode::BAD_REQUEST, "UNPARSABLE", detail)
     }
 
-    /// A handler that broke down, with what it said.
+    /// A handler that panicked, with its message.
     pub(super) fn panicked(panic: &(dyn Any + Send)) -> Self {
         let text = panic.downcast_ref::<String>().map(String::as_str);
         let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("without a text");

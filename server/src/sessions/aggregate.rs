@@ -47,7 +47,7 @@ pub(crate) type StoredEvent = (&'static str, Vec<u8>);
 /// What a change computed: the state after it, and all that the log keeps beside the event.
 pub(crate) struct Computed<S> {
     pub(crate) after: S,
-    /// What the caller is told, and is told again on a retry.
+    /// The reply to the caller, also to each retry.
     pub(crate) reply: Vec<u8>,
     /// The number by which lists are filtered.
     pub(crate) state: i32,

@@ -15,7 +15,7 @@ const READERS: u32 = 4;
 /// Another process may hold the file for the time of one of its commits.
 const BUSY_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// How often, and after which waits, the file is opened before the failure is told.
+/// How often the file is tried, and the wait in between, before the failure is reported.
 const ATTEMPTS: u32 = 5;
 const RETRY_AFTER: Duration = Duration::from_millis(50);
 

@@ -1,4 +1,4 @@
-//! What readers ask of the log.
+//! Queries on the log.
 
 use std::collections::BTreeMap;
 
@@ -29,7 +29,7 @@ pub(crate) struct EventRow {
     pub(crate) actor: String,
 }
 
-/// What the first request under a request id was told.
+/// The reply to the first request under a request id.
 #[derive(Clone, Debug, FromRow)]
 pub(crate) struct FirstReply {
     pub(crate) request_digest: Vec<u8>,
@@ -110,7 +110,7 @@ impl Store {
         Ok(query.build_query_as().fetch_all(&self.readers).await?)
     }
 
-    /// What the first request under this id was told, if there was one.
+    /// The reply to the first request under this id, if there was one.
     pub(crate) async fn first_reply(
         &self,
         session_id: &str,

@@ -69,7 +69,7 @@ pub(super) struct Job {
     pub(super) done: oneshot::Sender<Result<(), StoreError>>,
 }
 
-/// Serves the queue until it is told to close, or its last sender is gone.
+/// Serves the queue until it is closed or its last sender is gone.
 pub(super) async fn run(
     mut connection: SqliteConnection,
     mut queue: mpsc::Receiver<Job>,

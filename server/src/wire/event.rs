@@ -112,7 +112,7 @@ pub(crate) fn kind(seq: i64, payload: &[u8]) -> Result<Kind, FoldError> {
     event.kind.ok_or_else(|| FoldError { seq, reason: "says nothing".into() })
 }
 
-/// The session, and the candidates if some were asked for, that the reply to a stored event carried.
+/// The session, and the candidates if some were requested, that the reply to a stored event carried.
 ///
 /// # Errors
 /// The stored reply cannot be read.

@@ -14,7 +14,7 @@ use crate::error::{Error, FieldViolation};
 
 pub(crate) use contact::attempt;
 pub(crate) use definition::{check_labels, check_session_id, definition};
-pub(crate) use prior::{Prior, visual_prior};
+pub(crate) use prior::{Prior, is_readable, visual_prior};
 pub(crate) use robot::exploration_request;
 
 /// The method's complaint about a field, with the path at which the caller wrote it.

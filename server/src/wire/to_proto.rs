@@ -9,7 +9,7 @@ use palpate_core::reconstruction::{ALGORITHM_VERSION, Stats, StopReason};
 use palpate_proto::{Duration, Timestamp, v1};
 
 use super::candidate_id::{self, CandidateId};
-use crate::session::{Definition, Life, Sensor, Snapshot};
+use crate::session::{Definition, Sensor, SessionState, Snapshot};
 
 pub(crate) fn vector(vector: &Vector) -> v1::Vector3 {
     v1::Vector3 { x: vector.x, y: vector.y, z: vector.z }
@@ -53,7 +53,7 @@ pub(crate) fn session(snapshot: &Snapshot) -> v1::Session {
         frame_id: frame_id.clone(),
         labels: labels.clone(),
         config: Some(session_config(&snapshot.definition)),
-        state: state(snapshot.life).into(),
+        state: state(snapshot.state).into(),
         revision: snapshot.revision,
         etag: snapshot.etag(),
         stats: Some(stats(&snapshot.stats, snapshot.last_update)),
@@ -165,11 +165,11 @@ fn sensor(sensor: &Sensor) -> v1::Sensor {
     }
 }
 
-pub(crate) fn state(life: Life) -> v1::SessionState {
-    match life {
-        Life::AwaitingPrior => v1::SessionState::AwaitingPrior,
-        Life::Active => v1::SessionState::Active,
-        Life::Quarantined => v1::SessionState::Quarantined,
+pub(crate) fn state(state: SessionState) -> v1::SessionState {
+    match state {
+        SessionState::AwaitingPrior => v1::SessionState::AwaitingPrior,
+        SessionState::Active => v1::SessionState::Active,
+        SessionState::Quarantined => v1::SessionState::Quarantined,
     }
 }
 

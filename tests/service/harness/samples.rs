@@ -1,7 +1,7 @@
 //! Something to say: a session about a ball of 50 mm radius, seen from one side, and what a robot may report of it.
 
 use palpate_proto::v1;
-use palpate_proto::v1::contact_result::Outcome as Said;
+use palpate_proto::v1::contact_result::Outcome as ContactOutcome;
 
 use super::Caller;
 
@@ -67,7 +67,7 @@ pub(crate) fn touch(candidate: &v1::Candidate, off_m: f64) -> v1::ContactResult 
         swept_from: candidate.probe_start,
         ..Default::default()
     };
-    result(candidate, Said::Contact(contact))
+    result(candidate, ContactOutcome::Contact(contact))
 }
 
 /// The whole approach without a touch.
@@ -77,11 +77,11 @@ pub(crate) fn miss(candidate: &v1::Candidate) -> v1::ContactResult {
         swept_to: candidate.probe_end,
         sweep_radius_m: 0.004,
     };
-    result(candidate, Said::NoContact(free))
+    result(candidate, ContactOutcome::NoContact(free))
 }
 
 /// Anything that became of a candidate.
-pub(crate) fn result(candidate: &v1::Candidate, said: Said) -> v1::ContactResult {
+pub(crate) fn result(candidate: &v1::Candidate, said: ContactOutcome) -> v1::ContactResult {
     v1::ContactResult {
         candidate_id: candidate.candidate_id.clone(),
         robot_id: "arm-1".into(),

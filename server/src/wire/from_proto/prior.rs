@@ -52,6 +52,14 @@ pub(crate) fn visual_prior(path: &str, prior: &v1::VisualPrior) -> Result<Prior,
     Ok(Prior { evidence, dropped })
 }
 
+/// Whether clouds in this encoding can be read.
+pub(crate) fn is_readable(encoding: v1::PointEncoding) -> bool {
+    match encoding {
+        v1::PointEncoding::XyzF32Le | v1::PointEncoding::Ply => true,
+        v1::PointEncoding::Unspecified | v1::PointEncoding::DepthU16 => false,
+    }
+}
+
 fn encoding(field: &str, value: i32) -> Result<PointEncoding, Error> {
     match v1::PointEncoding::try_from(value) {
         Ok(v1::PointEncoding::XyzF32Le) => Ok(PointEncoding::XyzF32Le),

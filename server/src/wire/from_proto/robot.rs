@@ -1,4 +1,4 @@
-//! Who asks for candidates, and what it must keep away from.
+//! The robot that requests candidates, and the regions that it must keep out of.
 
 use palpate_core::exploration::{KeepOut, ProposalRequest};
 use palpate_proto::v1;

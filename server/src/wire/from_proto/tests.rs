@@ -1,4 +1,4 @@
-//! What callers get wrong, and which field they are told.
+//! Mistakes of callers, and the field that each refusal names.
 
 use std::sync::Arc;
 
@@ -171,8 +171,8 @@ fn clouds_are_thinned_counted_and_checked_point_by_point() {
     assert!(error.to_string().contains("point 3") && error.reason() == "NON_FINITE", "{error}");
     let truncated = v1::VisualPrior { points: vec![0; 25].into(), ..prior(&square) };
     assert_names(visual_prior("visual_prior", &truncated), "visual_prior.points", "FIELD_INVALID");
-    let unsaid = v1::VisualPrior { encoding: 0, ..prior(&square) };
-    assert_names(visual_prior("prior", &unsaid), "prior.encoding", "FIELD_INVALID");
+    let unspecified = v1::VisualPrior { encoding: 0, ..prior(&square) };
+    assert_names(visual_prior("prior", &unspecified), "prior.encoding", "FIELD_INVALID");
     let depth = v1::VisualPrior { depth: Some(v1::DepthImage::default()), ..prior(&square) };
     assert_eq!(visual_prior("prior", &depth).unwrap_err().reason(), "UNIMPLEMENTED");
 }
