@@ -13,7 +13,7 @@ pub(super) const MEASURED_EVERY: u32 = 5;
 /// Into how many quantiles of the stated deviation the vertices go.
 const DEVIATION_BINS: usize = 10;
 /// Between these the stated risks are grouped: finer where most candidates are.
-const RISK_EDGES: [f64; 6] = [0.0, 0.01, 0.03, 0.1, 0.3, 1.0];
+pub(super) const RISK_EDGES: [f64; 6] = [0.0, 0.01, 0.03, 0.1, 0.3, 1.0];
 
 /// Everything that one method stated under one strategy, beside what was true.
 #[derive(Debug)]

@@ -72,7 +72,11 @@ impl Report<'_> {
         let figures = summary::summary(self.series, &self.names(), &self.runs);
         let objects = counted(self.objects.len(), "object", "objects");
         let seeds = counted(self.seeds as usize, "seed", "seeds");
-        let runs = counted(self.runs.len(), "run", "runs");
+        let made = self.runs.len();
+        let runs = match counted(self.planned, "run", "runs") {
+            all if made == self.planned => all,
+            all => format!("{made} of {all}"),
+        };
         format!(
             "\n{figures}\n({runs}: {objects}, {seeds})\n\nwritten to {}:\n  \
              table.md      all tables\n  runs.csv      a line a run\n  attempts.csv  a line an attempt\n  \

@@ -1,21 +1,23 @@
-//! The course of the errors over attempts: a line for the mean over seeds, a band for its spread.
+//! The course of the errors over attempts: a line for the mean over seeds, a band or bars for its spread.
 
 use std::path::Path;
 
 use plotters::backend::SVGBackend;
-use plotters::chart::{ChartBuilder, SeriesLabelPosition};
+use plotters::chart::ChartBuilder;
 use plotters::drawing::IntoDrawingArea;
-use plotters::element::Polygon;
+use plotters::element::{PathElement, Polygon};
 use plotters::series::{DashedLineSeries, LineSeries};
 use plotters::style::{BLACK, Color, RGBColor, WHITE};
 
 use super::super::paper;
 use super::super::record::{AttemptRow, Run};
 use super::super::spread::Spread;
-use super::{Area, COLOURS, GREY, add_legend, legend};
+use super::{Area, COLOURS, Chart, DASH_PX, Entry, GAP_PX, GREY, MOST_BANDS, draw_legend, legend_height_px};
 use crate::failure::Failure;
 
-const SIZE_PX: (u32, u32) = (1080, 420);
+const SIZE_PX: (u32, u32) = (1080, 400);
+/// With many series the spread is shown by bars at every so many attempts.
+const ATTEMPTS_A_BAR: usize = 10;
 
 /// What is drawn of one object.
 #[derive(Debug)]
@@ -39,6 +41,12 @@ struct Curve {
     spreads: Vec<Spread>,
 }
 
+impl Curve {
+    fn entry(&self) -> Entry {
+        Entry { name: self.name.clone(), style: self.colour.stroke_width(2), is_dashed: false }
+    }
+}
+
 /// A level that the curves are compared with.
 struct Level {
     name: &'static str,
@@ -46,20 +54,43 @@ struct Level {
     colour: RGBColor,
 }
 
+impl Level {
+    fn entry(&self) -> Entry {
+        Entry { name: self.name.to_owned(), style: self.colour.stroke_width(2), is_dashed: true }
+    }
+}
+
 impl Course<'_> {
     /// Draws the surface distance and the chamfer distance side by side into an SVG file.
     pub(in super::super) fn write(&self, path: &Path) -> Result<(), Failure> {
-        let page = SVGBackend::new(path, SIZE_PX).into_drawing_area();
-        page.fill(&WHITE)?;
-        let title = format!("{}: mean ± sd over seeds", self.object.replace('_', " "));
-        let page = page.titled(&title, ("sans-serif", 20))?;
-        let (left, right) = page.split_horizontally(SIZE_PX.0 / 2);
         let surface = self.curves(|row| row.surface_distance_mm);
-        draw(&left, "surface distance, mm", self.attempts, &surface, &[])?;
         let chamfer = self.curves(|row| row.chamfer_sum_mm);
-        draw(&right, "chamfer distance (sum), mm", self.attempts, &chamfer, &self.levels())?;
+        let levels = self.levels();
+        let entries: Vec<_> =
+            surface.iter().map(Curve::entry).chain(levels.iter().map(Level::entry)).collect();
+        let height = SIZE_PX.1 + legend_height_px(entries.len());
+        let page = SVGBackend::new(path, (SIZE_PX.0, height)).into_drawing_area();
+        page.fill(&WHITE)?;
+        let page = page.titled(&self.title(&surface), ("sans-serif", 20))?;
+        let (charts, legend) = page.split_vertically(page.dim_in_pixel().1 - legend_height_px(entries.len()));
+        let (left, right) = charts.split_horizontally(SIZE_PX.0 / 2);
+        draw(&left, "surface distance, mm", self.attempts, &surface, &[])?;
+        draw(&right, "chamfer distance (sum), mm", self.attempts, &chamfer, &levels)?;
+        draw_legend(&legend, &entries)?;
         page.present()?;
         Ok(())
+    }
+
+    /// The object, and what lines and shades are.
+    fn title(&self, curves: &[Curve]) -> String {
+        let object = self.object.replace('_', " ");
+        let seeds = curves.iter().flat_map(|curve| &curve.spreads).map(|spread| spread.n).max().unwrap_or(0);
+        let shape = if curves.len() > MOST_BANDS { "bars" } else { "shaded" };
+        match seeds {
+            0 => format!("{object}: no run"),
+            1 => format!("{object}: one seed"),
+            _ => format!("{object}: mean of {seeds} seeds; {shape}: ± standard deviation"),
+        }
     }
 
     fn curves(&self, value: fn(&AttemptRow) -> f64) -> Vec<Curve> {
@@ -116,25 +147,50 @@ fn draw(
         .y_desc(title)
         .x_label_formatter(&|x| format!("{x:.0}"))
         .draw()?;
+    if curves.len() > MOST_BANDS {
+        draw_bars(&mut chart, curves)?;
+    } else {
+        draw_bands(&mut chart, curves)?;
+    }
+    // Lines after all bands, so that no band hides a line.
+    for curve in curves {
+        let line = curve.spreads.iter().enumerate().map(|(attempt, spread)| (attempt as f64, spread.mean));
+        chart.draw_series(LineSeries::new(line, curve.entry().style))?;
+    }
+    for level in levels {
+        let line = [(0.0, level.at_mm), (last, level.at_mm)];
+        chart.draw_series(DashedLineSeries::new(line, DASH_PX, GAP_PX, level.entry().style))?;
+    }
+    Ok(())
+}
+
+fn draw_bands(chart: &mut Chart<'_>, curves: &[Curve]) -> Result<(), Failure> {
     for curve in curves {
         let points = || curve.spreads.iter().enumerate().map(|(attempt, spread)| (attempt as f64, spread));
         let upper = points().map(|(x, spread)| (x, spread.mean + spread.sd));
         let lower = points().rev().map(|(x, spread)| (x, (spread.mean - spread.sd).max(0.0)));
         let band: Vec<_> = upper.chain(lower).collect();
-        chart.draw_series(std::iter::once(Polygon::new(band, curve.colour.mix(0.15))))?;
+        chart.draw_series(std::iter::once(Polygon::new(band, curve.colour.mix(0.12))))?;
     }
-    // Lines after all bands, so that no band hides a line.
-    for curve in curves {
-        let line = curve.spreads.iter().enumerate().map(|(attempt, spread)| (attempt as f64, spread.mean));
-        let style = curve.colour.stroke_width(2);
-        chart.draw_series(LineSeries::new(line, style))?.label(&curve.name).legend(legend(style));
+    Ok(())
+}
+
+/// Bars at some attempts, those of each series a little beside those of the others.
+fn draw_bars(chart: &mut Chart<'_>, curves: &[Curve]) -> Result<(), Failure> {
+    let apart = ATTEMPTS_A_BAR as f64 / (2 * curves.len()) as f64;
+    for (place, curve) in curves.iter().enumerate() {
+        let aside = (place as f64 - 0.5 * (curves.len() - 1) as f64) * apart;
+        let last = curve.spreads.len().saturating_sub(1);
+        let shown = curve.spreads.iter().enumerate().skip(ATTEMPTS_A_BAR).step_by(ATTEMPTS_A_BAR);
+        let bars =
+            shown.filter(|(attempt, spread)| *attempt < last && spread.n > 1).map(|(attempt, spread)| {
+                let x = attempt as f64 + aside;
+                let ends = [(spread.mean - spread.sd).max(0.0), spread.mean + spread.sd].map(|y| (x, y));
+                PathElement::new(ends.to_vec(), curve.colour.stroke_width(1))
+            });
+        chart.draw_series(bars)?;
     }
-    for level in levels {
-        let style = level.colour.stroke_width(1);
-        let line = [(0.0, level.at_mm), (last, level.at_mm)];
-        chart.draw_series(DashedLineSeries::new(line, 5, 4, style))?.label(level.name).legend(legend(style));
-    }
-    add_legend(&mut chart, SeriesLabelPosition::UpperRight)
+    Ok(())
 }
 
 #[cfg(test)]
@@ -157,8 +213,42 @@ mod tests {
         plot.write(&path).unwrap();
         let svg = std::fs::read_to_string(path).unwrap();
         assert_eq!(svg.matches("<polygon").count(), 4, "two bands in each of two charts");
+        assert!(svg.contains("lamp: mean of 2 seeds; shaded: ± standard deviation"), "{svg}");
         for text in ["paper, proactive", "paper, min_uncertainty", "sampling floor", "published, minU"] {
             assert!(svg.contains(text), "{text}");
         }
+    }
+
+    #[test]
+    fn one_seed_has_no_spread_and_many_series_have_bars_in_place_of_bands() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("lamp.svg");
+        let strategies = ["proactive", "min_uncertainty", "uniform", "random"];
+        let series = strategies.map(|name| ("paper".to_owned(), name.to_owned()));
+        let one = [Run::example("lamp", Strategy::Proactive, 1, 1.0)];
+        Course { object: "lamp", floor_mm: 1.0, attempts: 3, series: &series, runs: &one }
+            .write(&path)
+            .unwrap();
+        assert!(std::fs::read_to_string(&path).unwrap().contains("lamp: one seed"));
+        let two = [1, 2].map(|seed| Run::example("lamp", Strategy::Proactive, seed, seed as f64));
+        Course { object: "lamp", floor_mm: 1.0, attempts: 30, series: &series, runs: &two }
+            .write(&path)
+            .unwrap();
+        let svg = std::fs::read_to_string(&path).unwrap();
+        assert!(svg.contains("bars: ± standard deviation") && !svg.contains("<polygon"), "{svg}");
+    }
+
+    #[test]
+    fn published_levels_are_dashed_in_the_legend_as_in_the_chart() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("lamp.svg");
+        let series = [("paper".to_owned(), "proactive".to_owned())];
+        let plot = Course { object: "lamp", floor_mm: 1.05, attempts: 3, series: &series, runs: &[] };
+        let dashed: Vec<_> = plot.levels().iter().map(|level| level.entry().is_dashed).collect();
+        assert_eq!(dashed, [true; 3]);
+        plot.write(&path).unwrap();
+        let svg = std::fs::read_to_string(path).unwrap();
+        let names = ["sampling floor", "published, OURS", "published, minU"];
+        assert!(names.iter().all(|name| svg.contains(name)) && svg.contains("no run"), "{svg}");
     }
 }

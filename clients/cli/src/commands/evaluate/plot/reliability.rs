@@ -4,14 +4,15 @@ use std::path::Path;
 
 use palpate_core::metrics::{RiskBin, StatedError, coverage, normal_coverage};
 use plotters::backend::SVGBackend;
-use plotters::chart::{ChartBuilder, SeriesLabelPosition};
+use plotters::chart::ChartBuilder;
 use plotters::drawing::IntoDrawingArea;
 use plotters::element::{Circle, EmptyElement, PathElement, Polygon, Text};
 use plotters::series::{DashedLineSeries, LineSeries};
-use plotters::style::{BLACK, Color, FontDesc, IntoFont, RGBColor, TextStyle, WHITE};
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+use plotters::style::{BLACK, Color, RGBColor, WHITE};
 
-use super::super::reliability::Statements;
-use super::{Area, COLOURS, Chart, GREY, add_legend, legend};
+use super::super::reliability::{RISK_EDGES, Statements};
+use super::{Area, COLOURS, Chart, Entry, GREY, MOST_BANDS, draw_legend, legend_height_px, small};
 use crate::failure::Failure;
 
 const SIZE_PX: (u32, u32) = (1080, 560);
@@ -21,27 +22,37 @@ const STEP_SIGMAS: f64 = 0.05;
 const STEPS_A_DOT: usize = 10;
 /// Up to four standard deviations: there is nothing to see beyond.
 const STEPS: usize = 80;
+/// The height of a line of counts above the risks, as a share of the chart.
+const COUNTS_HEIGHT: f64 = 0.045;
+/// How far the risks of one series are drawn beside those of the next, as a share of the chart.
+const ASIDE: f64 = 0.008;
 
 /// Draws the stated deviations on the left and the stated risks on the right into an SVG file.
 pub(in super::super) fn draw_reliability(statements: &[Statements], path: &Path) -> Result<(), Failure> {
-    let page = SVGBackend::new(path, SIZE_PX).into_drawing_area();
+    let entries: Vec<_> = statements
+        .iter()
+        .map(|statements| Entry {
+            name: statements.name.clone(),
+            style: colour_of(statements).stroke_width(2),
+            is_dashed: false,
+        })
+        .collect();
+    let below = legend_height_px(entries.len());
+    let page = SVGBackend::new(path, (SIZE_PX.0, SIZE_PX.1 + below)).into_drawing_area();
     page.fill(&WHITE)?;
     let page =
         page.titled("stated uncertainty against the truth, all objects and seeds", ("sans-serif", 20))?;
-    let (left, right) = page.split_horizontally(SIZE_PX.0 / 2);
+    let (charts, legend) = page.split_vertically(page.dim_in_pixel().1 - below);
+    let (left, right) = charts.split_horizontally(SIZE_PX.0 / 2);
     draw_deviations(&left, statements)?;
     draw_risks(&right, statements)?;
+    draw_legend(&legend, &entries)?;
     page.present()?;
     Ok(())
 }
 
 fn colour_of(statements: &Statements) -> RGBColor {
     COLOURS[statements.series % COLOURS.len()]
-}
-
-fn small(colour: RGBColor) -> TextStyle<'static> {
-    let font: FontDesc<'static> = ("sans-serif", 13).into_font();
-    font.color(&colour)
 }
 
 /// Expected and found coverage at each step; `None` of no vertices.
@@ -82,8 +93,10 @@ fn draw_deviations(area: &Area<'_>, statements: &[Statements]) -> Result<(), Fai
         "vertices expected within z stated deviations, if normal",
         "vertices found within z stated deviations",
     ];
-    let hint = "above: too cautious; shaded: from object to object";
-    let mut chart = square(area, hint, axes, |share| share)?;
+    let is_shaded = statements.len() <= MOST_BANDS;
+    let hint =
+        if is_shaded { "above: too cautious; shaded: from object to object" } else { "above: too cautious" };
+    let mut chart = square(area, hint, axes, |share| share, 1.0)?;
     for sigmas in [1.0, 2.0] {
         let at = normal_coverage(sigmas);
         chart.draw_series(DashedLineSeries::new([(at, 0.0), (at, 1.0)], 2, 3, GREY.stroke_width(1)))?;
@@ -92,65 +105,72 @@ fn draw_deviations(area: &Area<'_>, statements: &[Statements]) -> Result<(), Fai
     }
     let bands: Vec<_> =
         statements.iter().filter_map(|statements| Some((statements, Band::of(statements)?))).collect();
-    for (statements, band) in &bands {
-        let shade = colour_of(statements).mix(0.15);
+    for (statements, band) in bands.iter().filter(|_| is_shaded) {
+        let shade = colour_of(statements).mix(0.12);
         chart.draw_series(std::iter::once(Polygon::new(band.outline.clone(), shade)))?;
     }
     for (statements, band) in &bands {
         let style = colour_of(statements).stroke_width(2);
-        chart
-            .draw_series(LineSeries::new(band.mean.iter().copied(), style))?
-            .label(&statements.name)
-            .legend(legend(style));
+        chart.draw_series(LineSeries::new(band.mean.iter().copied(), style))?;
         let dots = band.mean.iter().step_by(STEPS_A_DOT).skip(1);
         chart.draw_series(dots.map(|&at| Circle::new(at, 3, colour_of(statements).filled())))?;
     }
-    add_legend(&mut chart, SeriesLabelPosition::LowerRight)
+    Ok(())
 }
 
 /// Both axes show the square root of a share: small risks are told apart, and the diagonal stays one.
 fn draw_risks(area: &Area<'_>, statements: &[Statements]) -> Result<(), Failure> {
     let axes = ["stated risk of failure (root scale)", "attempts that failed (root scale)"];
-    let hint = "above: fails more often than stated; bars: 95 % confidence; numbers: attempts";
-    let mut chart = square(area, hint, axes, |root| root * root)?;
-    let at = |bin: &RiskBin, share: f64| (bin.mean_risk.sqrt(), share.sqrt());
-    for (place, statements) in statements.iter().enumerate() {
+    let hint = "above: fails more often than stated; bars: 95 % confidence; on top: attempts";
+    let top = 1.0 + COUNTS_HEIGHT * (statements.len() as f64 + 0.5);
+    let mut chart = square(area, hint, axes, |root| root * root, top)?;
+    let series = statements.len();
+    for (line, statements) in statements.iter().enumerate() {
+        // A little beside those of the others, as all state much the same.
+        let aside = ASIDE * (line as f64 - 0.5 * (series - 1) as f64);
+        let at = |bin: &RiskBin, share: f64| (bin.mean_risk.sqrt() + aside, share.sqrt());
         let bins = statements.risk_bins();
         let colour = colour_of(statements);
-        let style = colour.stroke_width(2);
-        let bar = |bin: &RiskBin| PathElement::new(bin.failed_95.map(|share| at(bin, share)).to_vec(), style);
-        let count = |bin: &RiskBin| {
-            let text = bin.count.to_string();
-            // The numbers of neighbours stand on either side of their bars.
-            let aside = if place % 2 == 0 { 7 } else { -7 - 8 * text.len() as i32 };
-            EmptyElement::at(at(bin, bin.failed)) + Text::new(text, (aside, -6), small(colour))
+        let bar = |bin: &RiskBin| {
+            PathElement::new(bin.failed_95.map(|share| at(bin, share)).to_vec(), colour.stroke_width(2))
         };
         chart.draw_series(bins.iter().map(bar))?;
-        chart
-            .draw_series(LineSeries::new(bins.iter().map(|bin| at(bin, bin.failed)), colour.mix(0.5)))?
-            .label(&statements.name)
-            .legend(legend(style));
+        chart.draw_series(LineSeries::new(bins.iter().map(|bin| at(bin, bin.failed)), colour.mix(0.5)))?;
         chart.draw_series(bins.iter().map(|bin| Circle::new(at(bin, bin.failed), 4, colour.filled())))?;
+        // A line of counts for each series, above the groups that they are of, so that none covers another.
+        let y = 1.0 + COUNTS_HEIGHT * ((series - 1 - line) as f64 + 0.5);
+        let middle = small(colour).pos(Pos::new(HPos::Center, VPos::Center));
+        let count = |bin: &RiskBin| {
+            let x = 0.5 * bin.range.map(f64::sqrt).iter().sum::<f64>();
+            Text::new(bin.count.to_string(), (x, y), middle.clone())
+        };
         chart.draw_series(bins.iter().map(count))?;
     }
-    add_legend(&mut chart, SeriesLabelPosition::LowerRight)
+    for edge in RISK_EDGES {
+        let line = [(edge.sqrt(), 1.0), (edge.sqrt(), top)];
+        chart.draw_series(LineSeries::new(line, BLACK.mix(0.2)))?;
+    }
+    Ok(())
 }
 
 /// Two equal axes with the diagonal between them, under a hint how to read them; `share_at` tells
-/// the share at a place on an axis.
+/// the share at a place on an axis, and `top` where the upright one ends: above 1 there is room for more.
 fn square<'a>(
     area: &Area<'a>,
     hint: &str,
     [x, y]: [&str; 2],
     share_at: fn(f64) -> f64,
+    top: f64,
 ) -> Result<Chart<'a>, Failure> {
     let mut chart = ChartBuilder::on(area)
         .margin(14)
         .caption(hint, small(GREY))
         .x_label_area_size(40)
         .y_label_area_size(52)
-        .build_cartesian_2d(0.0..1.0, 0.0..1.0)?;
-    let percent = |place: &f64| format!("{:.0} %", 100.0 * share_at(*place));
+        .build_cartesian_2d(0.0..1.0, 0.0..top)?;
+    let percent = |place: &f64| {
+        if *place > 1.0 { String::new() } else { format!("{:.0} %", 100.0 * share_at(*place)) }
+    };
     chart
         .configure_mesh()
         .bold_line_style(BLACK.mix(0.1))
