@@ -173,8 +173,10 @@ impl Ledger {
         if is_early {
             self.tallies.early_contacts += 1;
             warnings.push(format!(
-                "touched {:.1} mm from the candidate: counts as a failure, as more than failure_distance_m",
-                1e3 * off_m
+                "touched {:.1} mm from the candidate: counts as a failure, as more than the {:.0} mm of \
+                 failure_distance_m",
+                1e3 * off_m,
+                1e3 * config.failure_distance_m
             ));
             self.enter_failure(attempt, None);
             return Entry {

@@ -2,114 +2,19 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that meets nothing where something must be has failed")]
 
-use nalgebra::{Rotation3, UnitQuaternion};
+mod guarantees;
+mod object;
+
 use palpate_core::config::{Config, DeclaredSymmetry, Method, Settings, StopRule, Strategy};
 use palpate_core::error::Error;
 use palpate_core::evidence::{
     Attempt, Contact, ContactDetail, Evidence, Outcome, Sweep, Target, VisualPrior, Wrench,
 };
 use palpate_core::exploration::{Candidate, KeepOut, ProposalRequest};
-use palpate_core::geometry::{Icosphere, Point, Pose, SurfaceIndex, Vector};
+use palpate_core::geometry::{Point, Pose, Vector};
 use palpate_core::reconstruction::{Reconstruction, StopReason};
 
-/// An ellipsoid that can be touched: all that a robot would find out about it is analytic.
-struct Object {
-    semi_axes: Vector,
-    base_from_object: Pose,
-}
-
-const METHODS: [Method; 2] = [Method::Paper, Method::Palpate];
-
-/// The defaults of a method.
-fn of(method: Method) -> Settings {
-    Settings { method, ..Settings::default() }
-}
-
-fn best() -> ProposalRequest {
-    ProposalRequest::best(1)
-}
-
-impl Object {
-    fn sphere() -> Self {
-        Self { semi_axes: Vector::repeat(0.045), base_from_object: Pose::translation(0.5, -0.1, 0.2) }
-    }
-
-    fn rotated_ellipsoid() -> Self {
-        Self {
-            semi_axes: Vector::new(0.03, 0.045, 0.07),
-            base_from_object: Pose::new(Vector::new(0.4, 0.2, 0.1), Vector::new(0.5, -0.9, 0.3)),
-        }
-    }
-
-    fn moved(&self, motion: &Pose) -> Self {
-        Self { semi_axes: self.semi_axes, base_from_object: motion * self.base_from_object }
-    }
-
-    fn camera(&self) -> Point {
-        self.base_from_object * Point::new(0.35, -0.3, 0.38)
-    }
-
-    /// The points of the surface nearest to the camera: an eighth of it.
-    fn prior(&self) -> VisualPrior {
-        let mut seen: Vec<Point> = Icosphere::get(4)
-            .directions
-            .iter()
-            .map(|d| self.base_from_object * Point::from(d.component_mul(&self.semi_axes)))
-            .collect();
-        seen.sort_by(|a, b| (a - self.camera()).norm().total_cmp(&(b - self.camera()).norm()));
-        seen.truncate(320);
-        VisualPrior::new(seen.into_iter().step_by(2).collect(), None, Some(self.camera())).unwrap()
-    }
-
-    /// Probes from far outside to inside along a candidate's way.
-    fn touch(&self, candidate: &Candidate) -> Evidence {
-        let target = Target::new(candidate.point, candidate.normal.into_inner()).unwrap();
-        let unit = |p: &Point| (self.base_from_object.inverse() * p).coords.component_div(&self.semi_axes);
-        let (from, to) = (unit(&candidate.probe_start), unit(&candidate.probe_end));
-        let way = to - from;
-        let (a, b, c) = (way.norm_squared(), from.dot(&way), from.norm_squared() - 1.0);
-        let discriminant = b * b - a * c;
-        let first = (-b - discriminant.max(0.0).sqrt()) / a;
-        // From a start inside, the object was touched on the way there.
-        let is_free = discriminant < 0.0 || first > 1.0 || (first < 0.0 && c >= 0.0);
-        let outcome = if is_free {
-            let sweep = Sweep::new(candidate.probe_start, candidate.probe_end, 0.0);
-            Outcome::NoContact(sweep.unwrap())
-        } else {
-            let point = candidate.probe_start + (candidate.probe_end - candidate.probe_start) * first;
-            let force = Vector::new(0.0, 0.0, -5.0);
-            let wrench = Wrench { force, torque: Vector::new(0.001, -0.002, 0.0).cross(&force) };
-            let facing = UnitQuaternion::rotation_between(&Vector::z(), &-candidate.normal.into_inner());
-            let pose = Pose::from_parts(point.coords.into(), facing.unwrap_or_else(UnitQuaternion::identity));
-            Outcome::Contact(Contact::new(pose, wrench, 0.009, ContactDetail::default()).unwrap())
-        };
-        Evidence::Attempt(Attempt { target: Some(target), outcome })
-    }
-
-    /// The mean distance of a session's vertices to the surface, to first order, in metres.
-    fn mean_error_m(&self, state: &Reconstruction) -> f64 {
-        let vertices = &state.surface().unwrap().mesh.vertices;
-        vertices.iter().map(|vertex| self.error_m(vertex)).sum::<f64>() / vertices.len() as f64
-    }
-
-    fn error_m(&self, point: &Point) -> f64 {
-        let y = (self.base_from_object.inverse() * point).coords.component_div(&self.semi_axes);
-        ((y.norm() - 1.0) * y.norm() / y.component_div(&self.semi_axes).norm()).abs()
-    }
-}
-
-/// Explores an object and returns the evidence with the final state.
-fn explore(object: &Object, settings: Settings, attempts: usize) -> (Vec<Evidence>, Reconstruction) {
-    let mut log = vec![Evidence::VisualPrior(object.prior())];
-    let mut state = Reconstruction::new(Config::new(settings).unwrap());
-    for attempt in 0..=attempts {
-        (state, _) = state.absorb(&log[attempt]).unwrap();
-        if attempt < attempts {
-            log.push(object.touch(&state.propose(&best()).candidates[0]));
-        }
-    }
-    (log, state)
-}
+use crate::object::{METHODS, Object, best, explore, of};
 
 #[test]
 fn a_sphere_is_recovered_from_a_cap_and_thirty_touches() {
@@ -129,140 +34,6 @@ fn a_rotated_ellipsoid_is_recovered_from_a_cap_and_thirty_touches() {
         let (_, state) = explore(&object, of(method), 30);
         let error_m = object.mean_error_m(&state);
         assert!(error_m < 4e-4, "{method:?}: {error_m}");
-    }
-}
-
-#[test]
-fn a_rigid_motion_of_the_input_moves_mesh_and_candidate_by_the_same_motion() {
-    let motion = Pose::from_parts(
-        Vector::new(-0.7, 1.1, 0.4).into(),
-        Rotation3::from_euler_angles(0.8, -1.9, 2.6).into(),
-    );
-    let object = Object::rotated_ellipsoid();
-    for (method, attempts) in
-        METHODS.into_iter().flat_map(|method| [0, 1, 8].map(|attempts| (method, attempts)))
-    {
-        let (_, here) = explore(&object, of(method), attempts);
-        let (_, there) = explore(&object.moved(&motion), of(method), attempts);
-        let vertices = |state: &Reconstruction| state.surface().unwrap().mesh.vertices.clone();
-        // Rounding may end a fit of the paper's method one step sooner, and the touches that follow carry
-        // that on. The other works in the frame of its first view, where nothing has moved.
-        let tolerance_m = match (method, attempts) {
-            (Method::Paper, 0) => 1e-5,
-            (Method::Paper, _) => 5e-5,
-            (Method::Palpate, _) => 1e-9,
-        };
-        for (here, there) in vertices(&here).iter().zip(vertices(&there)) {
-            let off_m = (motion * here - there).norm();
-            assert!(off_m < tolerance_m, "{method:?}: {off_m} after {attempts} touches");
-        }
-        let (a, b) = (&here.propose(&best()).candidates[0], &there.propose(&best()).candidates[0]);
-        assert_eq!(a.vertex, b.vertex);
-        assert!((motion * a.point - b.point).norm() < tolerance_m);
-        assert!((motion * a.normal.into_inner() - b.normal.into_inner()).norm() < 1e-2);
-    }
-}
-
-#[test]
-fn a_quarter_turn_of_the_scene_turns_thirty_touches_by_the_same_quarter() {
-    // A body that is round about one axis, where rounding used to decide which way its faces lie.
-    let upright = Object {
-        semi_axes: Vector::new(0.04, 0.04, 0.08),
-        base_from_object: Pose::translation(0.5, -0.25, 0.125),
-    };
-    let quarter = Pose::rotation(Vector::x() * std::f64::consts::FRAC_PI_2);
-    let (_, here) = explore(&upright, of(Method::Palpate), 30);
-    let (_, there) = explore(&upright.moved(&quarter), of(Method::Palpate), 30);
-    let (a, b) = (here.surface().unwrap().mesh, there.surface().unwrap().mesh);
-    for (here, there) in a.vertices.iter().zip(&b.vertices) {
-        assert!((quarter * here - there).norm() < 1e-9);
-    }
-    assert_eq!(here.stats(), there.stats());
-}
-
-#[test]
-fn the_fingerprint_covers_what_the_next_step_rests_on() {
-    let (log, state) = explore(&Object::sphere(), of(Method::Palpate), 6);
-    // A miss far outside moves nothing, but it is free space from now on.
-    let far = Point::new(3.0, 0.0, 0.0);
-    let sweep = Sweep::new(far, far + Vector::x() * 0.02, 0.0).unwrap();
-    let miss = Evidence::Attempt(Attempt { target: None, outcome: Outcome::NoContact(sweep) });
-    let missed = state.absorb(&miss).unwrap().0;
-    assert_ne!(missed.digest(), state.digest());
-    // The same again with another radius differs in nothing else.
-    let wide = Sweep::new(far, far + Vector::x() * 0.02, 0.009).unwrap();
-    let wide = Evidence::Attempt(Attempt { target: None, outcome: Outcome::NoContact(wide) });
-    assert_ne!(state.absorb(&wide).unwrap().0.digest(), missed.digest());
-    // Without one touch before the last, an estimate that ends up nearly the same is another state.
-    let without = log.iter().enumerate().filter(|(k, _)| *k != 2).map(|(_, evidence)| evidence);
-    let fold = |state: Reconstruction, evidence: &Evidence| state.absorb(evidence).unwrap().0;
-    let other = without.fold(Reconstruction::new(state.config().clone()), fold);
-    assert_ne!(other.digest(), state.digest());
-}
-
-#[test]
-fn what_a_wide_probe_has_swept_holds_the_surface_back_further_out() {
-    // The axis of the path passes outside of what the estimate guesses on the far side; its rim inside.
-    let (_, state) = explore(&Object::sphere(), of(Method::Palpate), 0);
-    let mesh = state.surface().unwrap().mesh;
-    let camera = Object::sphere().camera();
-    let off = |v: &usize| (mesh.vertices[*v] - camera).norm();
-    let farthest = (0..mesh.vertices.len()).max_by(|a, b| off(a).total_cmp(&off(b))).unwrap();
-    let (vertex, normal) = (mesh.vertices[farthest], mesh.vertex_normals()[farthest].into_inner());
-    let along = normal.cross(&Vector::x()).normalize() * 0.03;
-    let axis = vertex + normal * 0.012;
-    let volume = |radius_m: f64| {
-        let sweep = Sweep::new(axis - along, axis + along, radius_m).unwrap();
-        let miss = Evidence::Attempt(Attempt { target: None, outcome: Outcome::NoContact(sweep) });
-        state.absorb(&miss).unwrap().0.surface().unwrap().mesh.volume()
-    };
-    let (thin, wide) = (volume(0.0), volume(0.025));
-    assert!(wide < 0.98 * thin, "{wide} {thin}");
-}
-
-#[test]
-fn the_budget_changes_the_advice_and_never_the_estimate() {
-    let surface = |max_attempts| {
-        let stop = StopRule { max_attempts, ..StopRule::default() };
-        let (_, state) = explore(&Object::rotated_ellipsoid(), Settings { stop, ..Settings::default() }, 10);
-        (state.surface(), state.propose(&best()))
-    };
-    assert_eq!(surface(Some(10)), surface(None));
-    assert_eq!(surface(Some(1000)), surface(None));
-}
-
-#[test]
-fn fit_rms_is_the_distance_to_the_surface_and_not_to_the_template() {
-    // A template of one ellipsoid is far from a box; the surface meets its touches all the same.
-    for method in METHODS {
-        let (_, state) = explore(&Object::rotated_ellipsoid(), of(method), 12);
-        let surface = state.surface().unwrap();
-        let index = SurfaceIndex::new(&surface.mesh).unwrap();
-        let stated_m = state.stats().fit_rms_m;
-        let attractors = &state.ledger().attractors;
-        // The paper's method works in the session's frame, so its ledger can be compared directly.
-        if method == Method::Paper {
-            let squares: f64 = attractors.iter().map(|a| index.closest(&a.point).distance_m.powi(2)).sum();
-            let true_m = (squares / attractors.len() as f64).sqrt();
-            assert!((stated_m - true_m).abs() < 1e-4, "{stated_m} {true_m}");
-        }
-        assert!(stated_m < 5e-4, "{method:?}: {stated_m}");
-    }
-}
-
-#[test]
-fn the_fold_of_the_log_is_the_live_state_bit_for_bit() {
-    let strategies = [Strategy::Proactive, Strategy::MinUncertainty, Strategy::Uniform, Strategy::Random];
-    let of_both = METHODS.into_iter().flat_map(|method| strategies.map(|strategy| (method, strategy)));
-    for (method, strategy) in of_both.chain([(Method::Palpate, Strategy::ExpectedGain)]) {
-        let settings = Settings { strategy, seed: 7, ..of(method) };
-        let (log, live) = explore(&Object::rotated_ellipsoid(), settings, 12);
-        let replayed = log.iter().fold(Reconstruction::new(live.config().clone()), |state, evidence| {
-            state.absorb(evidence).unwrap().0
-        });
-        assert_eq!(replayed.digest(), live.digest());
-        assert_eq!(replayed.surface(), live.surface());
-        assert_eq!(replayed.propose(&best()), live.propose(&best()));
     }
 }
 
@@ -457,21 +228,6 @@ fn stop_rules_are_told_apart() {
         (state, _) = state.absorb(&blind.touch(&state.propose(&best()).candidates[0])).unwrap();
     }
     assert_eq!(state.stop_reason(), Some(StopReason::Stalled));
-}
-
-#[test]
-fn a_finer_mesh_gives_the_same_template() {
-    let object = Object::rotated_ellipsoid();
-    for method in METHODS {
-        let (log, coarse) = explore(&object, of(method), 6);
-        let fine = Config::new(Settings { icosphere_subdivisions: 5, ..of(method) }).unwrap();
-        let fold = |state: Reconstruction, evidence: &Evidence| state.absorb(evidence).unwrap().0;
-        let fine = log.iter().fold(Reconstruction::new(fine), fold);
-        let centre = |state: &Reconstruction| state.template_centre().unwrap();
-        assert_eq!(centre(&coarse), centre(&fine));
-        let (coarse_u, fine_u) = (coarse.stats().mean_uncertainty, fine.stats().mean_uncertainty);
-        assert!((coarse_u - fine_u).abs() < 0.03, "{coarse_u} {fine_u}");
-    }
 }
 
 #[test]
