@@ -41,8 +41,12 @@ impl ClientBuilder {
     /// Connects to the server. A connection that breaks later is made anew by itself.
     ///
     /// # Errors
-    /// [`Error::Url`] when the address cannot be one, [`Error::Connect`] when nobody answers there.
+    /// [`Error::Url`] when the address cannot be one, [`Error::Tls`] when it asks for encryption, [`Error::Connect`]
+    /// when nobody answers there.
     pub async fn connect(self) -> Result<Client, Error> {
+        if self.url.starts_with("https://") {
+            return Err(Error::Tls { url: self.url });
+        }
         let endpoint = Endpoint::from_shared(self.url.clone())
             .and_then(|endpoint| endpoint.user_agent(concat!("palpate-client/", env!("CARGO_PKG_VERSION"))))
             .map_err(|source| Error::Url { url: self.url.clone(), source })?
@@ -65,6 +69,13 @@ mod tests {
         let error = Client::connect("http://not an address").await.unwrap_err();
         assert!(matches!(error, Error::Url { .. }), "{error:?}");
         assert!(error.to_string().contains("not an address"), "{error}");
+    }
+
+    #[tokio::test]
+    async fn an_address_that_asks_for_encryption_is_not_spoken_to_in_the_clear() {
+        let error = Client::connect("https://127.0.0.1:7257").await.unwrap_err();
+        assert!(matches!(error, Error::Tls { .. }), "{error:?}");
+        assert!(error.to_string().contains("write http://"), "{error}");
     }
 
     #[tokio::test]

@@ -23,6 +23,14 @@ pub enum Error {
         /// What is wrong with it.
         source: tonic::transport::Error,
     },
+    /// The address asks for encryption, and this client would send everything in the clear.
+    #[error(
+        "{url} asks for TLS, which this client does not speak yet: write http:// or let a tunnel encrypt the way"
+    )]
+    Tls {
+        /// The address.
+        url: String,
+    },
     /// Nobody answers at the address.
     #[error("no server answers at {url}; is one running there? `palpate serve` starts one")]
     Connect {
@@ -83,7 +91,10 @@ impl fmt::Display for Refusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.message)?;
         for FieldProblem { field, description } in &self.fields {
-            write!(f, "; {field}: {description}")?;
+            // A server may have said the same in its message.
+            if !self.message.contains(description.as_str()) {
+                write!(f, "; {field}: {description}")?;
+            }
         }
         if self.reason.is_empty() {
             write!(f, " ({:?}", self.code)?;
@@ -116,7 +127,7 @@ impl Error {
     /// The gRPC status code of a refusal; `Unavailable` when the server did not answer.
     pub fn code(&self) -> Code {
         match self {
-            Self::Url { .. } => Code::InvalidArgument,
+            Self::Url { .. } | Self::Tls { .. } => Code::InvalidArgument,
             Self::Connect { .. } | Self::NoAnswer { .. } => Code::Unavailable,
             Self::Refused(refusal) => refusal.code,
             Self::Malformed { .. } => Code::Internal,
@@ -141,7 +152,7 @@ impl Error {
         match self {
             Self::Connect { .. } | Self::NoAnswer { .. } => true,
             Self::Refused(refusal) => refusal.is_transient(),
-            Self::Url { .. } | Self::Malformed { .. } => false,
+            Self::Url { .. } | Self::Tls { .. } | Self::Malformed { .. } => false,
         }
     }
 
@@ -194,5 +205,28 @@ fn detail_of(status: &Status) -> String {
     match causes.last().map(ToString::to_string) {
         Some(cause) if cause != said => format!("{said}: {cause}"),
         _ => said.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_the_message_says_already_is_not_said_again_for_the_field() {
+        let problem = FieldProblem { field: "top_k".to_owned(), description: "at most 64".to_owned() };
+        let refusal = |message: &str| Refusal {
+            code: Code::InvalidArgument,
+            reason: "FIELD_INVALID".to_owned(),
+            message: message.to_owned(),
+            fields: vec![problem.clone()],
+            retry_after: None,
+            attempts: 1,
+        };
+        assert_eq!(refusal("top_k: at most 64").to_string(), "top_k: at most 64 (FIELD_INVALID)");
+        assert_eq!(
+            refusal("a field is wrong").to_string(),
+            "a field is wrong; top_k: at most 64 (FIELD_INVALID)"
+        );
     }
 }

@@ -18,7 +18,8 @@ use crate::failure::{Failure, wrong_usage};
 #[command(next_help_heading = "Object")]
 pub(in crate::commands) struct ObjectArgs {
     /// A generated object: bottle, box, can, pear, ball, mug, jar, l-shape, dumbbell, plate,
-    /// strawberry, magnum, or superquadric-N for a random one from the seed N.
+    /// strawberry, magnum, or superquadric-N for a random one from the seed N. An estimate has no holes and no
+    /// hollows yet: a handle becomes a bulge.
     #[arg(long, value_name = "NAME", conflicts_with = "mesh")]
     pub(in crate::commands) object: Option<String>,
 
