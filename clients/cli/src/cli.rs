@@ -25,7 +25,7 @@ While a server runs, http://127.0.0.1:7257/docs documents every call.";
 
 /// Reconstructs the shape of objects from one camera view and a robot's touches.
 #[derive(Debug, Parser)]
-#[command(name = "palpate", version = VERSION.as_str(), about, after_help = EXAMPLES)]
+#[command(name = "palpate", version = VERSION.as_str(), after_help = EXAMPLES)]
 #[command(arg_required_else_help = true, styles = terminal::HELP, max_term_width = 100)]
 struct Cli {
     #[command(subcommand)]
@@ -104,6 +104,12 @@ mod tests {
     #[test]
     fn the_version_begins_with_the_release() {
         assert!(VERSION.starts_with(env!("CARGO_PKG_VERSION")), "{}", *VERSION);
+    }
+
+    #[test]
+    fn the_help_begins_with_what_the_program_is_for() {
+        let help = Cli::command().render_help().to_string();
+        assert!(help.starts_with("Reconstructs the shape of objects"), "{help}");
     }
 
     #[test]
