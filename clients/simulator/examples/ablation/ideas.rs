@@ -38,13 +38,9 @@ fn all() -> Vec<Choice> {
         row("visual_means", "visual points not averaged", Stages { visual_means: false, ..all }),
         row("noise", "noise not estimated", Stages { noise: false, ..all }),
         row("symmetry", "no symmetry", Stages { symmetry: false, ..all }),
-        row("symmetry_first", "symmetry lets nothing go first", Stages { symmetry_first: false, ..all }),
+        row("symmetry_first", "no symmetry ordering", Stages { symmetry_first: false, ..all }),
         row("failure_penalty", "no penalty near failures", Stages { failure_penalty: false, ..all }),
-        row(
-            "template_error",
-            "the template's doubt does not attract",
-            Stages { template_error: false, ..all },
-        ),
-        row("risk", "risk does not deter", Stages { risk: false, ..all }),
+        row("template_error", "no template-uncertainty term", Stages { template_error: false, ..all }),
+        row("risk", "no risk term", Stages { risk: false, ..all }),
     ]
 }
