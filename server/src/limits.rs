@@ -4,6 +4,9 @@
 
 use std::time::Duration;
 
+/// Visual points of one session: more are thinned to it. A constant, because replaying a log thins by it too.
+pub(crate) const VISUAL_POINTS: usize = 2000;
+
 /// The bounds of one server; the defaults suit one machine and a few robots.
 #[derive(Clone, Debug)]
 pub struct Limits {
@@ -11,8 +14,6 @@ pub struct Limits {
     pub message_bytes: usize,
     /// Largest JSON body, in bytes: parsed, it takes many times its size.
     pub json_bytes: usize,
-    /// Visual points of one session, after thinning.
-    pub visual_points: usize,
     /// Contact results of one session, failures included.
     pub contacts: u32,
     /// Candidates in one reply.
@@ -66,7 +67,6 @@ impl Default for Limits {
         Self {
             message_bytes: 16 << 20,
             json_bytes: 4 << 20,
-            visual_points: 2000,
             contacts: 1000,
             top_k: 64,
             keep_out: 64,

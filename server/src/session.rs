@@ -6,18 +6,22 @@
 //!                   `--- a log that cannot be replayed +--> Quarantined
 //! ```
 
+mod views;
+
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime};
 
 use palpate_core::config::Config;
-use palpate_core::evidence::Evidence;
+use palpate_core::evidence::{Attempt, Evidence};
 use palpate_core::exploration::{KeepOut, Proposal, ProposalRequest};
 use palpate_core::geometry::Pose;
 use palpate_core::reconstruction::{ALGORITHM_VERSION, Reconstruction, Stats, StopReason, Update};
 
 use crate::error::Error;
 use crate::sessions::Aggregate;
+
+pub(crate) use views::AddedView;
 
 /// Half the side of the pad that is assumed where none is declared, in metres.
 pub(crate) const DEFAULT_PAD_HALF_SIDE_M: f64 = 0.009;
@@ -85,6 +89,10 @@ pub(crate) struct Snapshot {
     /// The seq of the last event.
     pub(crate) revision: i64,
     pub(crate) state: SessionState,
+    /// All evidence as it is in the estimate.
+    pub(crate) evidence: Vec<Arc<Evidence>>,
+    /// The edge of the voxels in which all views are thinned, in metres, once that was needed.
+    pub(crate) view_edge_m: Option<f64>,
     pub(crate) reconstruction: Reconstruction,
     pub(crate) stats: Stats,
     pub(crate) should_stop: Option<StopReason>,
@@ -102,6 +110,8 @@ impl Snapshot {
         Self {
             revision: 1,
             state: SessionState::AwaitingPrior,
+            evidence: Vec::new(),
+            view_edge_m: None,
             stats: reconstruction.stats(),
             should_stop: None,
             digest: reconstruction.digest(),
@@ -112,29 +122,43 @@ impl Snapshot {
         }
     }
 
-    /// The session after one more event, accepted at `at_us`. Costs milliseconds.
+    /// The session after one more attempt, accepted at `at_us`. Costs milliseconds.
     ///
     /// # Errors
-    /// The method refuses the evidence.
+    /// Nothing was seen yet.
     pub(crate) fn absorb(
         &self,
-        evidence: &Evidence,
+        attempt: Attempt,
         at_us: i64,
     ) -> Result<(Self, Update), palpate_core::error::Error> {
         let started = Instant::now();
-        let (reconstruction, update) = self.reconstruction.absorb(evidence)?;
-        let next = Self {
+        let new = Arc::new(Evidence::Attempt(attempt));
+        let (reconstruction, update) = self.reconstruction.absorb(&new)?;
+        let evidence = self.evidence.iter().cloned().chain([new]).collect();
+        Ok((self.next(reconstruction, evidence, at_us, started), update))
+    }
+
+    /// The next revision, with this estimate.
+    fn next(
+        &self,
+        reconstruction: Reconstruction,
+        evidence: Vec<Arc<Evidence>>,
+        at_us: i64,
+        started: Instant,
+    ) -> Self {
+        Self {
             definition: self.definition.clone(),
             revision: self.revision + 1,
             state: SessionState::Active,
+            evidence,
+            view_edge_m: self.view_edge_m,
             stats: reconstruction.stats(),
             should_stop: reconstruction.stop_reason(),
             digest: reconstruction.digest(),
             updated_us: at_us,
             last_update: started.elapsed(),
             reconstruction,
-        };
-        Ok((next, update))
+        }
     }
 
     /// Where to touch next, away from what the session must keep out of, for its pad.

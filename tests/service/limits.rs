@@ -7,8 +7,7 @@ use palpate_server::Limits;
 use tokio::task::JoinSet;
 
 use crate::harness::{
-    Refused, Server, Transport, accepted, cap, cloud, creation, miss, prior, question, reply, report, send,
-    soon,
+    Refused, Server, Transport, accepted, cap, creation, miss, prior, question, reply, report, send, soon,
 };
 
 #[tokio::test]
@@ -41,24 +40,10 @@ async fn too_large_a_message_is_refused_with_the_limit() {
 }
 
 #[tokio::test]
-async fn a_session_takes_a_limited_number_of_points_and_results() {
-    let limits = Limits { visual_points: 130, contacts: 2, ..Limits::default() };
-    let server = Server::with_limits(limits).await;
+async fn a_session_takes_a_limited_number_of_results() {
+    let server = Server::with_limits(Limits { contacts: 2, ..Limits::default() }).await;
     let caller = server.grpc();
     let next = caller.begin("ball").await;
-    let more: Vec<[f32; 3]> =
-        (0..11).map(|i| [0.05, 0.001 * i as f32, 0.3 + 0.0001 * (i * i) as f32]).collect();
-    for transport in Transport::BOTH {
-        let request = v1::AddVisualPriorRequest {
-            prior: Some(cloud(&more)),
-            request_id: "more".into(),
-            ..prior("ball")
-        };
-        let refused = server.caller(transport).add_prior(request).await.unwrap_err();
-        assert_eq!(refused.reason, "TOO_LARGE");
-        assert!(refused.message.contains("131") && refused.message.contains("130"), "{}", refused.message);
-        assert!(refused.message.contains("voxel_m"), "it says what to do: {}", refused.message);
-    }
     for step in ["one", "two"] {
         caller.report(report("ball", miss(&next), step)).await.unwrap();
     }

@@ -8,6 +8,7 @@
 mod agreement;
 mod bad_input;
 mod browsers;
+mod clouds;
 mod concurrency;
 mod crash;
 mod deletion;

@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use palpate_core::evidence::Evidence;
 use palpate_core::exploration::{self, ProposalRequest};
 use palpate_proto::v1;
 use palpate_proto::v1::event::Kind;
@@ -11,7 +10,7 @@ use tokio::time::Instant;
 use super::{Api, Call, computed, request_key, stored};
 use crate::error::{Error, FieldViolation};
 use crate::limits::Limits;
-use crate::session::Snapshot;
+use crate::session::{AddedView, Snapshot};
 use crate::sessions::{Change, Computed, RequestKey};
 use crate::wire::{event, from_proto, to_proto};
 
@@ -91,8 +90,7 @@ impl Api {
         let wanted =
             from_proto::exploration_request(names.propose, propose, names.robot, robot, &self.limits)?;
         let event = event::encode(Kind::VisualPrior(prior.clone()));
-        let limits = self.limits.clone();
-        let compute = move |before: &Snapshot| absorb_prior(before, &prior, names.prior, &wanted, &limits);
+        let compute = move |before: &Snapshot| absorb_prior(before, &prior, names.prior, &wanted);
         let actor = actor.to_owned();
         let change =
             Change { session_id, request: key, expected_revision, actor, event, compute: Arc::new(compute) };
@@ -155,27 +153,21 @@ fn absorb_prior(
     prior: &v1::VisualPrior,
     path: &str,
     wanted: &ProposalRequest,
-    limits: &Limits,
 ) -> Result<Computed<Snapshot>, Error> {
-    let from_proto::Prior { evidence, dropped } = from_proto::visual_prior(path, prior)?;
-    let accepted = evidence.points().len();
-    let total = accepted + before.stats.visual_points as usize;
-    if total > limits.visual_points {
-        return Err(Error::TooLarge {
-            what: format!("a session with {total} visual points"),
-            limit: format!("{} points", limits.visual_points),
-            hint: "thin the cloud with voxel_m, for instance to 0.005",
-        });
-    }
-    let absorbed = before.absorb(&Evidence::VisualPrior(evidence), before.next_event_us());
-    let (after, update) = absorbed.map_err(|error| refused(path, error))?;
+    let from_proto::Prior { evidence, finite, non_finite, voxel_m } = from_proto::visual_prior(path, prior)?;
+    let added = before.add_view(&evidence, before.next_event_us());
+    let (after, AddedView { update, accepted, edge_m }) = added.map_err(|error| refused(path, error))?;
+    let count = |points: usize| u32::try_from(points).unwrap_or(u32::MAX);
     let reply = v1::AddVisualPriorResponse {
         session: Some(to_proto::session(&after)),
-        accepted_points: u32::try_from(accepted).unwrap_or(u32::MAX),
-        dropped_points: dropped,
+        accepted_points: count(accepted),
+        dropped_points: count(finite - accepted),
         candidates: next_candidates(&after, wanted),
         warnings: update.warnings,
         should_stop: to_proto::stop_reason(after.should_stop).into(),
+        // The caller's own voxels count where they are the larger ones.
+        voxel_m: edge_m.unwrap_or(0.0).max(voxel_m.unwrap_or(0.0)),
+        non_finite_points: count(non_finite),
     };
     Ok(computed(after, &reply))
 }
@@ -194,7 +186,7 @@ fn absorb_result(
         });
     }
     let attempt = from_proto::attempt(result, &before.definition, before.revision, limits)?;
-    let absorbed = before.absorb(&Evidence::Attempt(attempt), before.next_event_us());
+    let absorbed = before.absorb(attempt, before.next_event_us());
     let (after, update) = absorbed.map_err(|error| refused("result", error))?;
     let reply = v1::ReportContactResponse {
         session: Some(to_proto::session(&after)),

@@ -23,7 +23,8 @@ pub(super) struct PriorParams {
     uncertainty: Option<f64>,
     /// The camera's position `x,y,z` in metres, in the session's frame.
     viewpoint: Option<String>,
-    /// Edge of the voxels by which the cloud is thinned, in metres; without it the server decides.
+    /// Edge of the voxels of which each gives the mean of its points, in metres; without it only exact duplicates are
+    /// dropped. What is over the limit of a session is thinned to it in any case.
     voxel_m: Option<f64>,
     /// How many candidates to propose in the reply.
     propose: Option<u32>,

@@ -5,7 +5,6 @@
 
 use std::sync::Arc;
 
-use palpate_core::evidence::Evidence;
 use palpate_proto::v1::event::Kind;
 use palpate_proto::{Bytes, v1};
 use prost::Message;
@@ -72,18 +71,21 @@ pub(crate) fn fold(before: Option<&Snapshot>, row: &EventRow) -> Result<Snapshot
     if seq != expected {
         return Err(failed(format!("event {expected} is missing")));
     }
-    let evidence = match (before, kind(seq, &row.payload)?) {
+    let after = match (before, kind(seq, &row.payload)?) {
         (None, Kind::Created(request)) => {
             let definition = from_proto::definition(&request, row.append_us, limits);
             let definition = definition.map_err(|error| failed(error.to_string()))?;
             return Ok(Snapshot::created(Arc::new(definition)));
         }
-        (Some(_), Kind::VisualPrior(prior)) => {
-            from_proto::visual_prior("prior", &prior).map(|prior| Evidence::VisualPrior(prior.evidence))
+        (Some(before), Kind::VisualPrior(prior)) => {
+            let view =
+                from_proto::visual_prior("prior", &prior).map_err(|error| failed(error.to_string()))?;
+            before.add_view(&view.evidence, row.append_us).map(|(after, _added)| after)
         }
         (Some(before), Kind::ContactResult(result)) => {
-            let head = before.revision;
-            from_proto::attempt(&result, &before.definition, head, limits).map(Evidence::Attempt)
+            let attempt = from_proto::attempt(&result, &before.definition, before.revision, limits);
+            let attempt = attempt.map_err(|error| failed(error.to_string()))?;
+            before.absorb(attempt, row.append_us).map(|(after, _update)| after)
         }
         (_, Kind::Created(_) | Kind::VisualPrior(_) | Kind::ContactResult(_)) => {
             return Err(failed("a session has one creation, and begins with it".into()));
@@ -92,10 +94,7 @@ pub(crate) fn fold(before: Option<&Snapshot>, row: &EventRow) -> Result<Snapshot
             return Err(failed("is of a kind that this version does not know".into()));
         }
     };
-    let evidence = evidence.map_err(|error| failed(error.to_string()))?;
-    let before = before.ok_or_else(|| failed("has no creation before it".into()))?;
-    let absorbed = before.absorb(&evidence, row.append_us);
-    absorbed.map(|(after, _update)| after).map_err(|error| failed(error.to_string()))
+    after.map_err(|error| failed(error.to_string()))
 }
 
 /// What was accepted once is replayed, whatever today's limits on texts are.

@@ -10,12 +10,19 @@ use crate::error::Error;
 use crate::mesh_format::{PointEncoding, read_points};
 use crate::voxel;
 
+/// A surface takes this many points.
+const LEAST_POINTS: usize = 4;
+
 /// A cloud ready to be absorbed.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Prior {
     pub(crate) evidence: VisualPrior,
-    /// Points that thinning dropped, exact duplicates included.
-    pub(crate) dropped: u32,
+    /// Points with finite coordinates.
+    pub(crate) finite: usize,
+    /// Points with a NaN or an infinity, as depth cameras mark what they did not see. They are dropped.
+    pub(crate) non_finite: usize,
+    /// The edge of the voxels that the caller wants, in metres.
+    pub(crate) voxel_m: Option<f64>,
 }
 
 /// Reads a cloud that the caller wrote at `path`. Costs milliseconds for a large one.
@@ -39,17 +46,17 @@ pub(crate) fn visual_prior(path: &str, prior: &v1::VisualPrior) -> Result<Prior,
     check_timestamp(&format!("{path}.capture_time"), capture_time.as_ref())?;
     let viewpoint = optional_vector(&format!("{path}.viewpoint"), viewpoint.as_ref())?.map(Point::from);
     let read = read_points(encoding, points).map_err(|error| at(path, error))?;
-    check_finite(path, &read)?;
+    let all = read.len();
+    let finite = finite_points(path, read)?;
     let thinned = match *voxel_m {
-        None => voxel::without_duplicates(&read),
+        None => voxel::without_duplicates(&finite),
         Some(voxel_m) => {
             check_voxel(path, voxel_m)?;
-            voxel::one_per_voxel(&read, voxel_m)
+            voxel::means(&finite, voxel_m)
         }
     };
-    let dropped = u32::try_from(read.len() - thinned.len()).unwrap_or(u32::MAX);
     let evidence = VisualPrior::new(thinned, *uncertainty, viewpoint).map_err(|error| at(path, error))?;
-    Ok(Prior { evidence, dropped })
+    Ok(Prior { evidence, finite: finite.len(), non_finite: all - finite.len(), voxel_m: *voxel_m })
 }
 
 /// Whether clouds in this encoding can be read.
@@ -74,15 +81,28 @@ fn encoding(field: &str, value: i32) -> Result<PointEncoding, Error> {
     }
 }
 
-fn check_finite(path: &str, points: &[Point]) -> Result<(), Error> {
-    let bad = points.iter().position(|point| !point.iter().all(|x| x.abs() <= MAX_COORDINATE_M));
-    bad.map_or(Ok(()), |index| {
+/// The points without those that have a NaN or an infinity; one far away is a mistake of another kind.
+fn finite_points(path: &str, mut points: Vec<Point>) -> Result<Vec<Point>, Error> {
+    let far = |point: &Point| point.iter().any(|x| x.is_finite() && x.abs() > MAX_COORDINATE_M);
+    let field = || format!("{path}.points");
+    if let Some(index) = points.iter().position(far) {
         let Point { coords } = points[index];
         let (x, y, z) = (coords.x, coords.y, coords.z);
-        let description =
-            format!("point {index} is ({x}, {y}, {z}): not finite or beyond {MAX_COORDINATE_M} m");
-        Err(non_finite(format!("{path}.points"), description))
-    })
+        let description = format!(
+            "point {index} is ({x}, {y}, {z}), beyond {MAX_COORDINATE_M} m: are these metres, and 32-bit floats?"
+        );
+        return Err(non_finite(field(), description));
+    }
+    let all = points.len();
+    points.retain(|point| point.iter().all(|x| x.is_finite()));
+    if points.len() < LEAST_POINTS && points.len() < all {
+        let description = format!(
+            "{} of {all} points are finite, and at least {LEAST_POINTS} are needed: the others are NaN or infinite",
+            points.len()
+        );
+        return Err(non_finite(field(), description));
+    }
+    Ok(points)
 }
 
 fn check_voxel(path: &str, voxel_m: f64) -> Result<(), Error> {

@@ -161,13 +161,19 @@ fn clouds_are_thinned_counted_and_checked_point_by_point() {
         ..v1::VisualPrior::default()
     };
     let read = visual_prior("prior", &prior(&square)).unwrap();
-    assert_eq!((read.evidence.points().len(), read.dropped), (4, 1));
+    assert_eq!((read.evidence.points().len(), read.finite, read.non_finite), (4, 5, 0));
 
     let coarse = v1::VisualPrior { voxel_m: Some(0.5), ..prior(&square) };
     assert_names(visual_prior("prior", &coarse), "prior.points", "FIELD_INVALID");
     let mut bad = square;
-    bad[3][1] = f32::NAN;
-    let error = visual_prior("prior", &v1::VisualPrior { voxel_m: Some(0.5), ..prior(&bad) }).unwrap_err();
+    bad[4][1] = f32::NAN;
+    let read = visual_prior("prior", &prior(&bad)).unwrap();
+    assert_eq!((read.finite, read.non_finite), (4, 1));
+    bad[3][1] = f32::INFINITY;
+    let error = visual_prior("prior", &prior(&bad)).unwrap_err();
+    assert!(error.to_string().contains("3 of 5 points") && error.reason() == "NON_FINITE", "{error}");
+    bad[3][1] = -2e4;
+    let error = visual_prior("prior", &prior(&bad)).unwrap_err();
     assert!(error.to_string().contains("point 3") && error.reason() == "NON_FINITE", "{error}");
     let truncated = v1::VisualPrior { points: vec![0; 25].into(), ..prior(&square) };
     assert_names(visual_prior("visual_prior", &truncated), "visual_prior.points", "FIELD_INVALID");
