@@ -17,7 +17,7 @@ pub(crate) use raw::{RawArrays, raw};
 /// The file formats that a surface can be written in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum FileFormat {
-    /// Binary PLY with `uncertainty`, and `std_m` where it is known, as properties of each vertex.
+    /// Binary PLY with `uncertainty`, and `std_m` where it is known, of each vertex, also as colour and `quality`.
     Ply,
     /// Wavefront OBJ: the shape alone, as text.
     Obj,

@@ -1,16 +1,23 @@
 //! A surface as binary PLY: the one file format here that keeps the uncertainty of each vertex.
+//!
+//! Viewers know colours, and MeshLab `quality`, so the uncertainty is there under these names too and
+//! can be seen without a word about Palpate.
 
 use palpate_core::reconstruction::Surface;
 
-/// Writes a little-endian PLY; numbers are `float`, faces are lists of three `int`.
+/// Colours from certain to a guess: dark violet, blue, green, yellow, legible without colour vision too.
+const RAMP: [[f64; 3]; 5] =
+    [[68.0, 1.0, 84.0], [59.0, 82.0, 139.0], [33.0, 145.0, 140.0], [94.0, 201.0, 98.0], [253.0, 231.0, 37.0]];
+
+/// Writes a little-endian PLY; numbers are `float`, colours `uchar`, faces lists of three `int`.
 pub(super) fn write(surface: &Surface, revision: i64) -> Vec<u8> {
     let mut file = header(surface, revision).into_bytes();
     for (index, vertex) in surface.mesh.vertices.iter().enumerate() {
+        let uncertainty = surface.uncertainty[index];
         let std_m = surface.std_m.as_ref().map(|std_m| std_m[index]);
-        let values = vertex.iter().chain([&surface.uncertainty[index]]).copied().chain(std_m);
-        for value in values {
-            file.extend((value as f32).to_le_bytes());
-        }
+        extend(&mut file, vertex.iter().copied());
+        file.extend(colour(uncertainty));
+        extend(&mut file, [uncertainty, uncertainty].into_iter().chain(std_m));
     }
     for face in &surface.mesh.faces {
         file.push(3);
@@ -21,14 +28,33 @@ pub(super) fn write(surface: &Surface, revision: i64) -> Vec<u8> {
     file
 }
 
+fn extend(file: &mut Vec<u8>, values: impl Iterator<Item = f64>) {
+    for value in values {
+        file.extend((value as f32).to_le_bytes());
+    }
+}
+
+/// Red, green and blue of an uncertainty in [0, 1].
+fn colour(uncertainty: f64) -> [u8; 3] {
+    let position = uncertainty.clamp(0.0, 1.0) * (RAMP.len() - 1) as f64;
+    let below = (position as usize).min(RAMP.len() - 2);
+    let share = position - below as f64;
+    std::array::from_fn(|part| {
+        let mixed = (1.0 - share) * RAMP[below][part] + share * RAMP[below + 1][part];
+        mixed.round() as u8
+    })
+}
+
 fn header(surface: &Surface, revision: i64) -> String {
     let std_m = if surface.std_m.is_some() { "property float std_m\n" } else { "" };
     format!(
         "ply\nformat binary_little_endian 1.0\n\
          comment Palpate, revision {revision}\n\
-         comment unit m, in the session's frame; uncertainty in 0..1\n\
+         comment unit m, in the session's frame; uncertainty in 0..1, as quality and as colour too\n\
          element vertex {}\n\
-         property float x\nproperty float y\nproperty float z\nproperty float uncertainty\n{std_m}\
+         property float x\nproperty float y\nproperty float z\n\
+         property uchar red\nproperty uchar green\nproperty uchar blue\n\
+         property float uncertainty\nproperty float quality\n{std_m}\
          element face {}\n\
          property list uchar int vertex_indices\nend_header\n",
         surface.mesh.vertices.len(),
@@ -56,11 +82,25 @@ mod tests {
         for (index, vertex) in surface.mesh.vertices.iter().enumerate() {
             assert_eq!(vertices[index]["x"], Property::Float(vertex.x as f32));
             assert_eq!(vertices[index]["z"], Property::Float(vertex.z as f32));
-            assert_eq!(vertices[index]["uncertainty"], Property::Float(surface.uncertainty[index] as f32));
+            let uncertainty = Property::Float(surface.uncertainty[index] as f32);
+            assert_eq!(vertices[index]["uncertainty"], uncertainty);
+            assert_eq!(vertices[index]["quality"], uncertainty, "MeshLab's name");
         }
         assert!(!vertices[0].contains_key("std_m"));
         assert_eq!(ply.payload["face"][3]["vertex_indices"], Property::ListInt(vec![1, 2, 3]));
         assert_eq!(ply.header.comments[0], "Palpate, revision 7");
+    }
+
+    #[test]
+    fn certain_is_dark_and_a_guess_is_yellow() {
+        let ply = parse(&write(&tetrahedron(), 1));
+        let colours: Vec<[Property; 3]> = ply.payload["vertex"]
+            .iter()
+            .map(|vertex| ["red", "green", "blue"].map(|part| vertex[part].clone()))
+            .collect();
+        let expected = [[68, 1, 84], [59, 82, 139], [33, 145, 140], [253, 231, 37]];
+        assert_eq!(colours, expected.map(|colour| colour.map(Property::UChar)));
+        assert_eq!(colour(0.125), [64, 42, 112], "half way from violet to blue");
     }
 
     #[test]
