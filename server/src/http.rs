@@ -20,18 +20,15 @@ mod unavailable;
 
 use std::any::Any;
 use std::sync::LazyLock;
-use std::time::Duration;
 
 use axum::Router;
 use axum::extract::Request;
 use axum::response::{IntoResponse, Response};
 use http::header::{CONTENT_TYPE, ETAG};
 use http::{Extensions, HeaderMap, HeaderValue, Method, StatusCode, Uri, Version};
-use tower::util::option_layer;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::compression::CompressionLayer;
 use tower_http::compression::predicate::{Predicate, SizeAbove};
-use tower_http::cors::{self, CorsLayer};
 use tower_http::request_id::{MakeRequestUuid, PropagateRequestIdLayer, SetRequestIdLayer};
 use tower_http::trace::TraceLayer;
 use utoipa_axum::router::OpenApiRouter;
@@ -43,8 +40,8 @@ use problem::Problem;
 /// Smaller bodies gain nothing by compression, in bytes.
 const LEAST_COMPRESSED_BYTES: u64 = 1024;
 
-/// All routes with their layers. Pages of `allowed_origins` may call them from a browser; no other page may.
-pub(crate) fn router(api: Api, allowed_origins: Vec<HeaderValue>) -> Router {
+/// All routes with their layers.
+pub(crate) fn router(api: Api) -> Router {
     // The document never changes, so every server of a process shares one.
     static DOCUMENT: LazyLock<String> = LazyLock::new(|| openapi::document(documented().into_openapi()));
     let document = async || ([(CONTENT_TYPE, "application/json")], DOCUMENT.as_str());
@@ -63,7 +60,6 @@ pub(crate) fn router(api: Api, allowed_origins: Vec<HeaderValue>) -> Router {
             CompressionLayer::new()
                 .compress_when(SizeAbove::new(LEAST_COMPRESSED_BYTES).and(is_compressible)),
         )
-        .layer(option_layer((!allowed_origins.is_empty()).then(|| allow(allowed_origins))))
         .layer(PropagateRequestIdLayer::x_request_id())
         .layer(trace)
         .layer(SetRequestIdLayer::x_request_id(MakeRequestUuid))
@@ -116,15 +112,6 @@ fn span(request: &Request) -> tracing::Span {
 fn is_compressible(_: StatusCode, _: Version, headers: &HeaderMap, _: &Extensions) -> bool {
     let content_type = headers.get(CONTENT_TYPE).map(HeaderValue::as_bytes).unwrap_or_default();
     content_type.starts_with(b"application/json") && !headers.contains_key(ETAG)
-}
-
-fn allow(allowed_origins: Vec<HeaderValue>) -> CorsLayer {
-    CorsLayer::new()
-        .allow_origin(allowed_origins)
-        .allow_methods([Method::GET, Method::POST, Method::PATCH, Method::DELETE])
-        .allow_headers(cors::Any)
-        .expose_headers(cors::Any)
-        .max_age(Duration::from_secs(3600))
 }
 
 /// Answers with `body` unless the caller's `If-None-Match` names `etag`, which is quoted here and not before.

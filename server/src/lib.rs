@@ -5,6 +5,7 @@
 
 mod api;
 mod compute;
+mod cors;
 mod error;
 mod grpc;
 mod http;

@@ -10,11 +10,12 @@ use tokio_util::sync::CancellationToken;
 use tonic::service::Routes;
 use tonic::transport::Server;
 use tonic::transport::server::TcpIncoming;
+use tower::util::option_layer;
 
 use crate::api::Api;
 use crate::limits::Limits;
 use crate::store::{OpenError, Store};
-use crate::{grpc, http as web};
+use crate::{cors, grpc, http as web};
 
 /// A silent connection is probed this often, and given up when it does not answer in time.
 const KEEPALIVE_INTERVAL: Duration = Duration::from_secs(20);
@@ -30,7 +31,7 @@ pub struct ServeOptions {
     pub database: PathBuf,
     /// The bounds on what comes from the network.
     pub limits: Limits,
-    /// Web origins whose pages may call; no other page may.
+    /// Web origins whose pages may call, such as `https://lab.example`; no other page may, and there is no wildcard.
     pub allowed_origins: Vec<HeaderValue>,
 }
 
@@ -46,6 +47,11 @@ pub enum ServeError {
     /// The event log cannot be used.
     #[error(transparent)]
     Store(#[from] OpenError),
+    /// A wildcard would let every page that a browser opens command the robot.
+    #[error(
+        "the allowed origin \"*\" would let any web page call: name each origin, as in https://lab.example"
+    )]
+    AnyOrigin,
     /// The socket or a connection failed.
     #[error("the server failed: {0}")]
     Transport(#[from] tonic::transport::Error),
@@ -70,11 +76,16 @@ pub async fn serve(
 ) -> Result<(), ServeError> {
     let ServeOptions { database, limits, allowed_origins } = options;
     let address: SocketAddr = listener.local_addr()?;
+    if allowed_origins.iter().any(|origin| origin == "*") {
+        return Err(ServeError::AnyOrigin);
+    }
     let store = Store::open(&database, &limits).await?;
     let api = Api::new(store, limits, shutdown.clone());
     let (grpc_routes, health) = grpc::router(&api)?;
     grpc::report_health(health.clone(), true).await;
-    let routes = Routes::from(grpc_routes.merge(web::router(api.clone(), allowed_origins)));
+    // Around all routes: a browser asks for leave before it calls over gRPC-Web, too.
+    let pages = option_layer(cors::layer(allowed_origins));
+    let routes = Routes::from(grpc_routes.merge(web::router(api.clone())).layer(pages));
 
     let incoming = TcpIncoming::from(listener).with_nodelay(Some(true));
     let serving = builder(api.limits())
