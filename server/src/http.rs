@@ -5,6 +5,7 @@
 //! Every answer that is not a success is a problem document (RFC 9457).
 
 mod events;
+mod examples;
 mod exploration;
 mod extract;
 mod json_points;

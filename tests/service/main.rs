@@ -19,6 +19,7 @@ mod lifecycle;
 mod limits;
 mod meshes;
 mod not_yet;
+mod openapi;
 mod operations;
 mod outcomes;
 mod program;

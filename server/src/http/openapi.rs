@@ -1,14 +1,24 @@
 //! `/openapi.json` and the page that shows it: paths from the handlers, schemas from the contract.
 
+use std::collections::BTreeSet;
+
 use axum::Router;
+use axum::response::{IntoResponse, Response};
+use http::HeaderValue;
+use http::header::{CONTENT_LENGTH, CONTENT_TYPE};
+use prost_reflect::DescriptorPool;
 use serde_json::{Value, json};
 use utoipa::OpenApi as _;
 use utoipa::openapi::OpenApi;
 use utoipa_swagger_ui::{Config, SwaggerUi};
 
-use super::problem::{Document, Field};
+use super::problem::{Document, Field, Problem};
 use super::proto_json::CONTRACT;
-use super::schema;
+use super::{examples, schema, unavailable};
+use crate::error::Error;
+
+/// Much larger than the page of the documentation.
+const PAGE_BYTES: usize = 1 << 20;
 
 /// Where the document starts: what the service is.
 pub(super) fn introduction() -> OpenApi {
@@ -35,7 +45,7 @@ pub(super) fn introduction() -> OpenApi {
     Introduction::openapi()
 }
 
-/// Completes the document of the routes by the contract's schemas and by what every route may refuse.
+/// Completes the document of the routes by the contract's schemas, examples, and what every route may refuse.
 pub(super) fn document(paths: OpenApi) -> String {
     let document = serde_json::to_value(paths).map_err(|error| error.to_string()).and_then(|mut document| {
         let contract = CONTRACT.as_ref().map_err(String::clone)?;
@@ -44,7 +54,15 @@ pub(super) fn document(paths: OpenApi) -> String {
         }
         document["components"]["schemas"]["File"] =
             json!({ "type": "string", "format": "binary", "description": "The bytes of a file." });
+        document["servers"] = json!([{ "url": "/", "description": "This server" }]);
+        let description = document["info"]["description"].as_str().unwrap_or_default();
+        document["info"]["description"] = format!("{description}\n\n{}", unavailable::notice()).into();
+        for operation in operations(&mut document) {
+            complete(operation);
+        }
         add_problems(&mut document);
+        require_in_replies(&mut document, contract);
+        drop_unused(&mut document);
         Ok(document)
     });
     // Neither can happen in a server whose tests passed; a reader is still better served by words than by nothing.
@@ -52,20 +70,111 @@ pub(super) fn document(paths: OpenApi) -> String {
     document.to_string()
 }
 
+fn operations(document: &mut Value) -> impl Iterator<Item = &mut Value> {
+    let paths = document["paths"].as_object_mut().into_iter().flat_map(|paths| paths.values_mut());
+    paths.filter_map(Value::as_object_mut).flat_map(|path| path.values_mut())
+}
+
+/// Gives an operation what can be tried out at once: a body, and the session that the bodies are about.
+fn complete(operation: &mut Value) {
+    let example = operation["operationId"].as_str().and_then(examples::body);
+    if let Some(body) = operation.get_mut("requestBody") {
+        body["required"] = true.into();
+        if let Some(example) = example {
+            body["content"]["application/json"]["example"] = example;
+        }
+    }
+    let parameters = operation.get_mut("parameters").and_then(Value::as_array_mut);
+    for parameter in parameters.into_iter().flatten().filter(|parameter| parameter["name"] == "session_id") {
+        parameter["example"] = examples::SESSION_ID.into();
+    }
+}
+
 fn add_problems(document: &mut Value) {
     document["components"]["responses"]["Problem"] = json!({
         "description": "Refused: nothing was changed",
         "content": { "application/problem+json": { "schema": { "$ref": "#/components/schemas/ProblemDocument" } } },
     });
-    let paths = document["paths"].as_object_mut().into_iter().flat_map(|paths| paths.values_mut());
-    for operation in paths.filter_map(Value::as_object_mut).flat_map(|path| path.values_mut()) {
+    for operation in operations(document) {
         operation["responses"]["default"] = json!({ "$ref": "#/components/responses/Problem" });
+    }
+}
+
+/// In messages that only the server sends, what it always sends is required.
+fn require_in_replies(document: &mut Value, contract: &DescriptorPool) {
+    let mut in_requests = BTreeSet::new();
+    for body in operations(document).filter_map(|operation| operation.get("requestBody")) {
+        references(body, &mut in_requests);
+    }
+    let in_requests = closure(&document["components"], in_requests);
+    let schemas = document["components"]["schemas"].as_object_mut().into_iter().flatten();
+    for (name, schema) in schemas.filter(|(name, _)| !in_requests.contains(&reference_to(name))) {
+        let message = contract.get_message_by_name(&format!("{}.{name}", schema::PACKAGE));
+        if let Some(message) = message {
+            schema::require_what_is_sent(schema, &message);
+        }
+    }
+}
+
+/// Removes the schemas that no path leads to.
+fn drop_unused(document: &mut Value) {
+    let mut used = BTreeSet::new();
+    references(&document["paths"], &mut used);
+    let used = closure(&document["components"], used);
+    if let Some(schemas) = document["components"]["schemas"].as_object_mut() {
+        schemas.retain(|name, _| used.contains(&reference_to(name)));
+    }
+}
+
+fn reference_to(schema: &str) -> String {
+    format!("#/components/schemas/{schema}")
+}
+
+/// `found` and all that is referred to from there.
+fn closure(components: &Value, found: BTreeSet<String>) -> BTreeSet<String> {
+    let mut all = BTreeSet::new();
+    let mut open: Vec<String> = found.into_iter().collect();
+    while let Some(reference) = open.pop() {
+        let pointer = reference.strip_prefix("#/components").unwrap_or_default();
+        if let (true, Some(target)) = (all.insert(reference.clone()), components.pointer(pointer)) {
+            let mut next = BTreeSet::new();
+            references(target, &mut next);
+            open.extend(next);
+        }
+    }
+    all
+}
+
+fn references(value: &Value, found: &mut BTreeSet<String>) {
+    match value {
+        Value::Object(fields) => {
+            found.extend(fields.get("$ref").and_then(Value::as_str).map(str::to_owned));
+            fields.values().for_each(|field| references(field, found));
+        }
+        Value::Array(items) => items.iter().for_each(|item| references(item, found)),
+        _ => {}
     }
 }
 
 /// The page at `/docs`, embedded in the binary.
 pub(super) fn documentation_page() -> Router {
-    SwaggerUi::new("/docs").config(Config::from("/openapi.json")).into()
+    let config = Config::from("/openapi.json").try_it_out_enabled(true);
+    Router::from(SwaggerUi::new("/docs").config(config)).layer(axum::middleware::map_response(name_page))
+}
+
+/// Names the page after the service; it comes as "Swagger UI".
+async fn name_page(response: Response) -> Response {
+    let content_type = response.headers().get(CONTENT_TYPE).map(HeaderValue::as_bytes).unwrap_or_default();
+    if !content_type.starts_with(b"text/html") {
+        return response;
+    }
+    let (mut parts, body) = response.into_parts();
+    let Ok(page) = axum::body::to_bytes(body, PAGE_BYTES).await else {
+        return Problem::from(Error::internal("the page of the documentation is too large")).into_response();
+    };
+    let page = String::from_utf8_lossy(&page).replace("<title>Swagger UI</title>", "<title>Palpate</title>");
+    parts.headers.remove(CONTENT_LENGTH);
+    Response::from_parts(parts, page.into())
 }
 
 #[cfg(test)]
@@ -76,27 +185,32 @@ mod tests {
         serde_json::from_str(&document(crate::http::documented().into_openapi())).unwrap()
     }
 
-    fn references<'a>(value: &'a Value, found: &mut Vec<&'a str>) {
-        match value {
-            Value::Object(fields) => {
-                found.extend(fields.get("$ref").and_then(Value::as_str));
-                fields.values().for_each(|field| references(field, found));
-            }
-            Value::Array(items) => items.iter().for_each(|item| references(item, found)),
-            _ => {}
+    #[test]
+    fn every_reference_leads_somewhere_and_every_schema_is_used() {
+        let document = served();
+        let mut found = BTreeSet::new();
+        references(&document, &mut found);
+        for reference in &found {
+            assert!(document.pointer(reference.strip_prefix('#').unwrap()).is_some(), "{reference}");
+        }
+        let schemas = document["components"]["schemas"].as_object().unwrap();
+        assert!(schemas.contains_key("Candidate") && !schemas.contains_key("ForkSessionRequest"));
+        for name in schemas.keys() {
+            assert!(found.contains(&reference_to(name)), "{name} belongs to no route");
         }
     }
 
     #[test]
-    fn every_reference_leads_somewhere() {
+    fn replies_say_what_is_always_there_and_requests_what_must_be() {
         let document = served();
-        let mut found = Vec::new();
-        references(&document, &mut found);
-        assert!(found.len() > 100);
-        for reference in found {
-            let pointer = reference.strip_prefix('#').unwrap();
-            assert!(document.pointer(pointer).is_some(), "{reference}");
+        let required = |name: &str| document["components"]["schemas"][name]["required"].clone();
+        let reply = required("ProposeContactsResponse");
+        for field in ["revision", "candidates", "excluded", "should_stop"] {
+            assert!(reply.as_array().unwrap().contains(&json!(field)), "{field}");
         }
+        assert_eq!(required("ReportContactRequest"), json!(["result"]));
+        assert_eq!(required("CreateSessionRequest"), Value::Null, "every field has a default");
+        assert_eq!(required("SessionConfig"), Value::Null, "callers send it, too");
     }
 
     #[test]

@@ -5,7 +5,7 @@ use prost_reflect::{DescriptorPool, EnumDescriptor, FieldDescriptor, Kind, Messa
 use serde_json::{Map, Value, json};
 
 /// The package whose messages and enums become schemas.
-const PACKAGE: &str = "palpate.v1";
+pub(super) const PACKAGE: &str = "palpate.v1";
 
 /// A schema for every message and enum of the contract, by its short name.
 pub(super) fn schemas(contract: &DescriptorPool) -> Map<String, Value> {
@@ -20,15 +20,86 @@ pub(super) fn schemas(contract: &DescriptorPool) -> Map<String, Value> {
     messages.chain(enums).collect()
 }
 
+/// Messages that are always set in what the server sends, and the fields that it insists on in a request.
+const REQUIRED: [(&str, &[&str]); 16] = [
+    ("Session", &["config", "stats", "create_time", "update_time"]),
+    ("SessionStats", &["last_update"]),
+    ("Candidate", &["point", "normal", "probe_start", "probe_end", "tool_pose"]),
+    ("AddVisualPriorResponse", &["session"]),
+    ("ProposeContactsResponse", &["excluded"]),
+    ("ReportContactResponse", &["session"]),
+    ("Event", &["append_time", "stats_after"]),
+    ("AddVisualPriorRequest", &["prior"]),
+    ("VisualPrior", &["points"]),
+    ("ReportContactRequest", &["result"]),
+    ("Contact", &["sensor_pose"]),
+    ("NoContact", &["swept_from", "swept_to"]),
+    ("InvalidContact", &["sensor_pose"]),
+    ("Pose", &["position", "orientation"]),
+    ("HalfSpace", &["normal"]),
+    ("Ball", &["center", "radius_m"]),
+];
+
+/// Fields that are in the contract and that this version refuses.
+const UNAVAILABLE: [&str; 2] = ["palpate.v1.ProposeContactsRequest.lease", "palpate.v1.VisualPrior.depth"];
+
+/// The schema of a message. With a choice it is one of as many objects as there are choices.
 fn message_schema(message: &MessageDescriptor) -> Value {
+    let description = comment(message.parent_file().file_descriptor_proto(), message.path());
+    let choice = message.oneofs().find(|oneof| !oneof.is_synthetic());
+    let Some(choice) = choice else {
+        let mut schema = object_schema(message, None);
+        schema["description"] = description.into();
+        return schema;
+    };
+    let variants: Vec<Value> = choice.fields().map(|chosen| object_schema(message, Some(&chosen))).collect();
+    json!({ "description": description, "oneOf": variants })
+}
+
+/// The object of a message, in which of a choice only `chosen` may be.
+fn object_schema(message: &MessageDescriptor, chosen: Option<&FieldDescriptor>) -> Value {
+    let is_choice =
+        |field: &FieldDescriptor| field.containing_oneof().is_some_and(|oneof| !oneof.is_synthetic());
+    let fields = message.fields().filter(|field| !is_choice(field) || Some(field) == chosen);
     let properties: Map<String, Value> =
-        message.fields().map(|field| (field.name().to_owned(), field_schema(&field))).collect();
-    json!({
-        "type": "object",
-        "description": comment(message.parent_file().file_descriptor_proto(), message.path()),
-        "properties": properties,
-        "additionalProperties": false,
-    })
+        fields.map(|field| (field.name().to_owned(), field_schema(&field))).collect();
+    let listed = REQUIRED.iter().find(|(name, _)| *name == message.name());
+    let mut required: Vec<&str> = listed.map_or_else(Vec::new, |(_, fields)| fields.to_vec());
+    required.extend(chosen.map(FieldDescriptor::name));
+    let mut schema = json!({ "type": "object", "properties": properties, "additionalProperties": false });
+    if let Some(chosen) = chosen {
+        schema["title"] = pascal_case(message.name(), chosen.name()).into();
+    }
+    if !required.is_empty() {
+        schema["required"] = json!(required);
+    }
+    schema
+}
+
+/// Declares as required what the server always writes: everything but what can be told from being unset.
+pub(super) fn require_what_is_sent(schema: &mut Value, message: &MessageDescriptor) {
+    let variants = match schema.get_mut("oneOf").and_then(Value::as_array_mut) {
+        Some(variants) => variants.iter_mut().collect(),
+        None => vec![schema],
+    };
+    for variant in variants {
+        let mut required: Vec<Value> = variant["required"].as_array().cloned().unwrap_or_default();
+        let sent = message.fields().filter(|field| !field.supports_presence());
+        for name in sent.map(|field| Value::from(field.name())) {
+            if !required.contains(&name) {
+                required.push(name);
+            }
+        }
+        if !required.is_empty() {
+            variant["required"] = required.into();
+        }
+    }
+}
+
+/// `ContactResult` and `no_contact` make `ContactResultNoContact`.
+fn pascal_case(message: &str, field: &str) -> String {
+    let words = field.split('_').map(|word| word[..1].to_ascii_uppercase() + &word[1..]);
+    words.fold(message.to_owned(), |name, word| name + &word)
 }
 
 fn enum_schema(an_enum: &EnumDescriptor) -> Value {
@@ -54,9 +125,8 @@ fn field_schema(field: &FieldDescriptor) -> Value {
         kind_schema(&field.kind())
     };
     let mut description = comment(field.parent_message().parent_file().file_descriptor_proto(), field.path());
-    if let Some(oneof) = field.containing_oneof().filter(|oneof| oneof.fields().len() > 1) {
-        let names: Vec<String> = oneof.fields().map(|field| format!("`{}`", field.name())).collect();
-        description = format!("{description} (Only one of {}.)", names.join(", "));
+    if UNAVAILABLE.contains(&field.full_name()) {
+        description.push_str(" (Not in this version: refused with 501.)");
     }
     schema["description"] = description.into();
     schema
@@ -121,8 +191,11 @@ mod tests {
     fn every_message_and_field_is_described_by_its_comment() {
         for (name, schema) in &contract() {
             assert!(!schema["description"].as_str().unwrap().is_empty(), "{name}");
-            for (field, schema) in schema["properties"].as_object().into_iter().flatten() {
-                assert!(!schema["description"].as_str().unwrap().is_empty(), "{name}.{field}");
+            let variants = schema["oneOf"].as_array().cloned().unwrap_or_else(|| vec![schema.clone()]);
+            for properties in variants.iter().filter_map(|variant| variant["properties"].as_object()) {
+                for (field, schema) in properties {
+                    assert!(!schema["description"].as_str().unwrap().is_empty(), "{name}.{field}");
+                }
             }
         }
     }
@@ -147,8 +220,32 @@ mod tests {
     }
 
     #[test]
-    fn a_choice_says_what_excludes_what() {
-        let outcome = &contract()["ContactResult"]["properties"]["no_contact"];
-        assert!(outcome["description"].as_str().unwrap().contains("Only one of `contact`, `no_contact`"));
+    fn a_choice_is_one_of_several_objects() {
+        let contract = contract();
+        let variants = contract["ContactResult"]["oneOf"].as_array().unwrap();
+        let titles: Vec<&str> = variants.iter().map(|variant| variant["title"].as_str().unwrap()).collect();
+        assert_eq!(titles[..2], ["ContactResultContact", "ContactResultNoContact"]);
+        let missed = &variants[1];
+        assert_eq!(missed["required"], json!(["no_contact"]));
+        assert!(
+            missed["properties"]["candidate_id"].is_object() && missed["properties"]["contact"].is_null()
+        );
+        assert!(contract["SessionConfig"]["oneOf"].is_null(), "an optional number is no choice");
+    }
+
+    #[test]
+    fn what_is_always_sent_is_required() {
+        let contract = contract();
+        let message = CONTRACT.as_ref().unwrap().get_message_by_name("palpate.v1.Session").unwrap();
+        let mut session = contract["Session"].clone();
+        require_what_is_sent(&mut session, &message);
+        for name in ["session_id", "labels", "revision", "config", "should_stop"] {
+            assert!(session["required"].as_array().unwrap().contains(&json!(name)), "{name}");
+        }
+        for (name, fields) in REQUIRED {
+            let message = format!("palpate.v1.{name}");
+            let message = CONTRACT.as_ref().unwrap().get_message_by_name(&message).unwrap();
+            assert!(fields.iter().all(|field| message.get_field_by_name(field).is_some()), "{name}");
+        }
     }
 }
