@@ -81,6 +81,14 @@ pub(crate) enum Error {
         /// What the caller can do.
         hint: &'static str,
     },
+    /// The session holds as many contact results as it may.
+    #[error(
+        "the session has {limit} contact results, and takes no more: go on in a new session, and heed should_stop"
+    )]
+    SessionFull {
+        /// How many there may be.
+        limit: u32,
+    },
     /// Too much work is waiting.
     #[error("the {queue} queue is full: try again in {} ms", .retry_after.as_millis())]
     QueueFull {
@@ -102,6 +110,11 @@ pub(crate) enum Error {
     /// The server is about to stop.
     #[error("the server is shutting down: try again in a moment, with the same request_id")]
     Draining,
+    /// The disk has no room for another event.
+    #[error(
+        "the server's disk is full, nothing was recorded: make room on it, then try again with the same request_id"
+    )]
+    StoreFull,
     /// The database does not answer.
     #[error("the event log cannot be reached, nothing was recorded: try again with the same request_id")]
     StoreDown {
@@ -169,9 +182,11 @@ impl Error {
             Self::NoVisualPrior => "NO_VISUAL_PRIOR",
             Self::SessionQuarantined { .. } => "SESSION_QUARANTINED",
             Self::Quota { .. } => "QUOTA",
+            Self::SessionFull { .. } => "SESSION_FULL",
             Self::QueueFull { .. } => "QUEUE_FULL",
             Self::TooLarge { .. } => "TOO_LARGE",
             Self::Draining => "DRAINING",
+            Self::StoreFull => "STORE_FULL",
             Self::StoreDown { .. } => "STORE_DOWN",
             Self::DeadlineExceeded => "DEADLINE_EXCEEDED",
             Self::Unimplemented { .. } => "UNIMPLEMENTED",
@@ -186,8 +201,12 @@ impl Error {
             Self::SessionNotFound { .. } | Self::SessionDeleted { .. } => Code::NotFound,
             Self::SessionExists { .. } | Self::RequestIdReused { .. } => Code::AlreadyExists,
             Self::RevisionMismatch { .. } | Self::EtagMismatch { .. } => Code::Aborted,
-            Self::NoVisualPrior | Self::SessionQuarantined { .. } => Code::FailedPrecondition,
-            Self::Quota { .. } | Self::QueueFull { .. } | Self::TooLarge { .. } => Code::ResourceExhausted,
+            Self::NoVisualPrior | Self::SessionQuarantined { .. } | Self::SessionFull { .. } => {
+                Code::FailedPrecondition
+            }
+            Self::Quota { .. } | Self::QueueFull { .. } | Self::TooLarge { .. } | Self::StoreFull => {
+                Code::ResourceExhausted
+            }
             Self::Draining | Self::StoreDown { .. } => Code::Unavailable,
             Self::DeadlineExceeded => Code::DeadlineExceeded,
             Self::Unimplemented { .. } => Code::Unimplemented,
@@ -204,11 +223,13 @@ impl Error {
             | Self::RequestIdReused { .. }
             | Self::RevisionMismatch { .. }
             | Self::NoVisualPrior
+            | Self::SessionFull { .. }
             | Self::SessionQuarantined { .. } => StatusCode::CONFLICT,
             Self::EtagMismatch { .. } => StatusCode::PRECONDITION_FAILED,
             Self::Quota { .. } | Self::QueueFull { .. } => StatusCode::TOO_MANY_REQUESTS,
             Self::TooLarge { .. } => StatusCode::PAYLOAD_TOO_LARGE,
             Self::Draining | Self::StoreDown { .. } => StatusCode::SERVICE_UNAVAILABLE,
+            Self::StoreFull => StatusCode::INSUFFICIENT_STORAGE,
             Self::DeadlineExceeded => StatusCode::GATEWAY_TIMEOUT,
             Self::Unimplemented { .. } => StatusCode::NOT_IMPLEMENTED,
             Self::Internal { .. } => StatusCode::INTERNAL_SERVER_ERROR,

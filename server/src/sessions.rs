@@ -316,6 +316,7 @@ impl From<StoreError> for Error {
         match failure {
             StoreError::QueueFull => Self::QueueFull { queue: "write", retry_after: RETRY_WRITE_AFTER },
             StoreError::Conflict => contended(),
+            StoreError::Full => Self::StoreFull,
             StoreError::Down(detail) => Self::StoreDown { detail },
         }
     }

@@ -14,7 +14,7 @@ mod write;
 
 use std::path::Path;
 
-use sqlx::SqlitePool;
+use sqlx::{SqliteConnection, SqlitePool};
 use tokio::sync::{mpsc, oneshot};
 use tokio_util::sync::CancellationToken;
 
@@ -34,6 +34,9 @@ pub(crate) enum StoreError {
     /// More writes wait than may.
     #[error("too many writes are waiting")]
     QueueFull,
+    /// There is no room on the disk.
+    #[error("the disk is full")]
+    Full,
     /// The database failed.
     #[error("{0}")]
     Down(String),
@@ -44,7 +47,11 @@ impl From<sqlx::Error> for StoreError {
         let is_conflict = error
             .as_database_error()
             .is_some_and(|error| error.is_unique_violation() || error.is_foreign_key_violation());
-        if is_conflict { Self::Conflict } else { Self::Down(error.to_string()) }
+        match open::primary_code(&error) {
+            _ if is_conflict => Self::Conflict,
+            Some(open::SQLITE_FULL) => Self::Full,
+            _ => Self::Down(error.to_string()),
+        }
     }
 }
 
@@ -67,6 +74,10 @@ impl Store {
     pub(crate) async fn open(database: &Path, limits: &Limits) -> Result<Self, OpenError> {
         let connection = open::writer(database).await?;
         let readers = open::readers(database).await?;
+        Ok(Self::over(connection, readers, limits))
+    }
+
+    fn over(connection: SqliteConnection, readers: SqlitePool, limits: &Limits) -> Self {
         let (jobs, queue) = mpsc::channel(limits.write_queue);
         let (closing, closed) = (CancellationToken::new(), CancellationToken::new());
         let writer = write::run(connection, queue, limits.write_batch, closing.clone());
@@ -75,7 +86,7 @@ impl Store {
             writer.await;
             drop(announce);
         });
-        Ok(Self { readers, jobs, closing, closed })
+        Self { readers, jobs, closing, closed }
     }
 
     /// Writes a session with its first event.
@@ -102,7 +113,8 @@ impl Store {
         self.write(Change::Delete(deletion)).await
     }
 
-    /// Finds out whether the log can be written, by an empty commit.
+    /// Finds out whether the log can be written: by a small write after one that found no room, otherwise by an
+    /// empty commit, which costs nothing.
     pub(crate) async fn check_writable(&self) -> Result<(), StoreError> {
         self.write(Change::Nothing).await
     }

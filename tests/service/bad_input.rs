@@ -111,7 +111,7 @@ fn wrench(contact: &mut v1::Contact) -> &mut v1::Wrench {
 const POSITION: &str = "result.contact.sensor_pose.position";
 const ORIENTATION: &str = "result.contact.sensor_pose.orientation";
 
-const BAD_CONTACTS: [Case<v1::Contact>; 21] = [
+const BAD_CONTACTS: [Case<v1::Contact>; 22] = [
     ("a pose of NaN", POSITION, NON_FINITE, |contact| position(contact).y = f64::NAN),
     ("an infinite pose", POSITION, NON_FINITE, |contact| position(contact).z = f64::NEG_INFINITY),
     ("a pose 1e5 m away", POSITION, NON_FINITE, |contact| position(contact).x = 1e5),
@@ -129,6 +129,7 @@ const BAD_CONTACTS: [Case<v1::Contact>; 21] = [
         wrench(contact).torque.as_mut().unwrap().x = f64::INFINITY;
     }),
     ("no force", "result.contact.wrench.force", INVALID, |contact| wrench(contact).force = None),
+    ("no torque", "result.contact.wrench.torque", INVALID, |contact| wrench(contact).torque = None),
     ("no wrench", "result.contact.wrench", INVALID, |contact| contact.wrench = None),
     ("an unknown pad", "result.contact.sensor_id", INVALID, |contact| contact.sensor_id = "left".into()),
     ("NaN as uncertainty", "result.contact.uncertainty", NON_FINITE, |contact| {

@@ -179,11 +179,7 @@ fn absorb_result(
     limits: &Limits,
 ) -> Result<Computed<Snapshot>, Error> {
     if before.stats.attempts >= limits.contacts {
-        return Err(Error::TooLarge {
-            what: format!("a session with {} contact results", before.stats.attempts + 1),
-            limit: format!("{} results", limits.contacts),
-            hint: "go on in a new session",
-        });
+        return Err(Error::SessionFull { limit: limits.contacts });
     }
     let attempt = from_proto::attempt(result, &before.definition, before.revision, limits)?;
     let absorbed = before.absorb(attempt, before.next_event_us());

@@ -34,7 +34,7 @@ fn add_subject(details: &mut ErrorDetails, error: &Error) {
         Error::SessionQuarantined { session_id } => {
             details.add_precondition_failure_violation(error.reason(), session_id, text);
         }
-        Error::NoVisualPrior => {
+        Error::NoVisualPrior | Error::SessionFull { .. } => {
             details.add_precondition_failure_violation(error.reason(), "session", text);
         }
         Error::RevisionMismatch { expected, actual } => {
@@ -58,6 +58,7 @@ fn add_subject(details: &mut ErrorDetails, error: &Error) {
         Error::Unimplemented { what } => set_info(details, error, [("what", what.clone())]),
         Error::Fields(_)
         | Error::Draining
+        | Error::StoreFull
         | Error::StoreDown { .. }
         | Error::DeadlineExceeded
         | Error::Internal { .. } => {}

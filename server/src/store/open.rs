@@ -15,6 +15,13 @@ const READERS: u32 = 4;
 /// Another process may hold the file for the time of one of its commits.
 const BUSY_TIMEOUT: Duration = Duration::from_secs(5);
 
+/// Primary result codes of SQLite.
+const SQLITE_PERM: i64 = 3;
+const SQLITE_READONLY: i64 = 8;
+pub(super) const SQLITE_FULL: i64 = 13;
+const SQLITE_CANTOPEN: i64 = 14;
+const SQLITE_NOTADB: i64 = 26;
+
 /// How often the file is tried, and the wait in between, before the failure is reported.
 const ATTEMPTS: u32 = 5;
 const RETRY_AFTER: Duration = Duration::from_millis(50);
@@ -23,7 +30,7 @@ const RETRY_AFTER: Duration = Duration::from_millis(50);
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
     /// The file cannot be opened or created.
-    #[error("cannot open the database {path:?}: {source}")]
+    #[error("cannot open the database {path:?}: {}", reason(path, source))]
     Open {
         /// The file.
         path: PathBuf,
@@ -54,6 +61,36 @@ pub enum OpenError {
     },
 }
 
+/// What is the matter with a file that SQLite did not open, in words: its own are the same for most causes.
+fn reason(path: &Path, source: &sqlx::Error) -> String {
+    let folder = match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    if path.is_dir() {
+        return "it is a folder: name a file in it".to_owned();
+    }
+    if !folder.is_dir() {
+        return format!("there is no folder {folder:?}: make it, or choose another place");
+    }
+    match primary_code(source) {
+        Some(SQLITE_READONLY | SQLITE_CANTOPEN | SQLITE_PERM) => {
+            format!(
+                "it or its folder {folder:?} cannot be written: check who may, and that the disk takes writes"
+            )
+        }
+        Some(SQLITE_NOTADB) => "it is not an SQLite database: choose another file".to_owned(),
+        Some(SQLITE_FULL) => "the disk is full: make room, and start again".to_owned(),
+        _ => source.to_string(),
+    }
+}
+
+/// SQLite's primary result code, which is the low byte of the code that it gives.
+pub(super) fn primary_code(error: &sqlx::Error) -> Option<i64> {
+    let code: i64 = error.as_database_error()?.code()?.parse().ok()?;
+    Some(code & 0xff)
+}
+
 /// The one connection that writes, with migrations run and guarantees checked.
 ///
 /// Nothing keeps two programs from making the tables of a new file at once: the one that comes second fails on what
@@ -80,7 +117,11 @@ async fn try_writer(database: &Path) -> Result<SqliteConnection, OpenError> {
     check_version(&mut connection).await?;
     check_settings(&mut connection).await?;
     drop(connection);
-    MIGRATIONS.run(&pool).await?;
+    MIGRATIONS.run(&pool).await.map_err(|error| match error {
+        // Whether a file may be written shows at the first write.
+        MigrateError::Execute(source) => OpenError::Open { path: database.into(), source },
+        other => OpenError::Migrate(other),
+    })?;
     Ok(pool.acquire().await?.detach())
 }
 
@@ -147,8 +188,20 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_folder_that_does_not_exist_is_named() {
-        let error = writer(Path::new("/nowhere/at/all/palpate.db")).await.unwrap_err();
-        assert!(error.to_string().contains("/nowhere/at/all/palpate.db"));
+    async fn a_file_that_cannot_be_used_is_named_and_the_reason_is_in_words() {
+        let folder = tempfile::tempdir().unwrap();
+        let text = folder.path().join("notes.txt");
+        std::fs::write(&text, "not a database, but long enough to have a header of its own: ".repeat(20))
+            .unwrap();
+        for (path, reason) in [
+            (Path::new("/nowhere/at/all/palpate.db"), "there is no folder \"/nowhere/at/all\""),
+            (folder.path(), "it is a folder"),
+            (&text, "it is not an SQLite database"),
+            // Not even root may write there.
+            (Path::new("/proc/palpate.db"), "cannot be written"),
+        ] {
+            let error = writer(path).await.unwrap_err().to_string();
+            assert!(error.contains(path.to_str().unwrap()) && error.contains(reason), "{error}");
+        }
     }
 }

@@ -124,6 +124,29 @@ async fn events_cannot_be_changed_or_removed_but_with_their_session() {
 }
 
 #[tokio::test]
+async fn a_full_disk_is_told_apart_and_forgotten_once_there_is_room() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.db");
+    let mut connection = open::writer(&path).await.unwrap();
+    // A bound on the file stands for one on the disk.
+    let pages: i64 = sqlx::query_scalar("pragma page_count").fetch_one(&mut connection).await.unwrap();
+    let bound = sqlx::AssertSqlSafe(format!("pragma max_page_count = {}", pages + 12));
+    sqlx::query(bound).execute(&mut connection).await.unwrap();
+    let store = Store::over(connection, open::readers(&path).await.unwrap(), &Limits::default());
+    store.create(session("mug"), event(1, "a")).await.unwrap();
+    let large = NewEvent { payload: vec![7; 200_000], ..event(2, "b") };
+    assert!(matches!(store.append(head("mug"), large).await, Err(StoreError::Full)));
+    assert!(matches!(store.check_writable().await, Err(StoreError::Full)), "it is not ready");
+    assert_eq!(store.session("mug").await.unwrap().unwrap().head, 1, "readers go on");
+    assert!(store.events("mug", 1, 10).await.unwrap().is_empty());
+    drop(store);
+
+    let store = open(&folder).await;
+    store.append(head("mug"), event(2, "b")).await.unwrap();
+    store.check_writable().await.unwrap();
+}
+
+#[tokio::test]
 async fn lists_are_filtered_and_paged_newest_first() {
     let folder = tempfile::tempdir().unwrap();
     let store = open(&folder).await;

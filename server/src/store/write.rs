@@ -77,8 +77,10 @@ pub(super) async fn run(
     closing: CancellationToken,
 ) {
     let mut jobs = Vec::with_capacity(batch);
+    let mut disk_was_full = false;
     while receive(&mut queue, &mut jobs, batch, &closing).await > 0 {
-        let outcomes = commit_group(&mut connection, &jobs).await;
+        let outcomes = commit_group(&mut connection, &jobs, disk_was_full).await;
+        disk_was_full = matches!(outcomes, Err(StoreError::Full));
         if let Err(failure) = &outcomes {
             tracing::error!(%failure, changes = jobs.len(), "a group of changes was not committed");
             // Fails harmlessly where the engine has rolled back by itself.
@@ -114,12 +116,23 @@ async fn receive(
 async fn commit_group(
     connection: &mut SqliteConnection,
     jobs: &[Job],
+    disk_was_full: bool,
 ) -> Result<Vec<Result<(), StoreError>>, StoreError> {
     execute(connection, "begin immediate").await?;
+    if disk_was_full {
+        // An empty commit takes no room, so something is written to see whether there is some.
+        execute(connection, "create table room (bytes blob)").await?;
+        execute(connection, "insert into room values (zeroblob(65536))").await?;
+        execute(connection, "drop table room").await?;
+    }
     let mut outcomes = Vec::with_capacity(jobs.len());
     for job in jobs {
         execute(connection, "savepoint change").await?;
         let outcome = apply(connection, &job.change).await;
+        if let Err(StoreError::Full) = outcome {
+            // The engine may have rolled back the whole group by itself.
+            return Err(StoreError::Full);
+        }
         if outcome.is_err() {
             execute(connection, "rollback to change").await?;
         }

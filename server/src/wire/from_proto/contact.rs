@@ -89,6 +89,10 @@ fn contact(message: &v1::Contact, definition: &Definition) -> Result<Contact, Er
 
 fn wrench(message: &v1::Wrench) -> Result<Wrench, Error> {
     let v1::Wrench { force, torque } = message;
+    if torque.is_none() {
+        let description = "is missing: a sensor that measures no torque sends zeros, x 0, y 0, z 0";
+        return Err(Error::field("result.contact.wrench.torque", description));
+    }
     Ok(Wrench {
         force: vector("result.contact.wrench.force", force.as_ref())?,
         torque: vector("result.contact.wrench.torque", torque.as_ref())?,
