@@ -21,7 +21,7 @@ use crate::template::{EllipsoidFit, SelectedFit};
 use crate::uncertainty::Reach;
 
 /// Changes with every change of a result: a stored state hash holds for one version only.
-pub const ALGORITHM_VERSION: &str = "5";
+pub const ALGORITHM_VERSION: &str = "6";
 
 /// A session's state: its evidence, and the estimate that follows from it.
 #[derive(Clone, Debug)]

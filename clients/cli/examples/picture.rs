@@ -12,9 +12,10 @@ use palpate_client::Client;
 use palpate_client::proto::v1::{CreateSessionRequest, GetMeshRequest, MeshFormat, SessionConfig, mesh};
 use palpate_core::geometry::{Point, TriangleMesh, Vector};
 use palpate_server::{ServeOptions, serve};
+use palpate_simulator::camera::Camera;
 use palpate_simulator::probe::Outcome;
 use palpate_simulator::robot::{Plan, Robot};
-use palpate_simulator::{camera, shapes};
+use palpate_simulator::shapes;
 use tokio::net::TcpListener;
 use tokio_util::sync::CancellationToken;
 
@@ -105,7 +106,7 @@ async fn main() -> Result<(), Box<dyn Error>> {
 
 async fn explore(client: Client) -> Result<Vec<Panel>, Box<dyn Error>> {
     let body = shapes::generate("bottle")?;
-    let view = camera::look(&body, SEED, 0.0);
+    let view = Camera::default().look(&body, SEED);
     let seen = view.points.iter().fold(Vector::zeros(), |sum, point| sum + point.coords);
     let look = (view.viewpoint, Point::from(seen / view.points.len() as f64));
     let mut panels = vec![Panel {

@@ -19,6 +19,7 @@ use palpate_core::config::{Config, Settings, Strategy};
 use palpate_core::exploration::RiskLaw;
 use palpate_core::local::Calibration;
 use palpate_core::metrics::StatedError;
+use palpate_simulator::camera::Camera;
 use palpate_simulator::in_process::Exploration;
 use palpate_simulator::objects::{self, Object, Problem};
 use palpate_simulator::parallel::in_parallel;
@@ -26,6 +27,8 @@ use palpate_simulator::probe;
 
 /// What is stated before this attempt is a guess, whatever the calibration.
 const FIRST_ATTEMPT: usize = 5;
+/// Attempts up to this one are looked at apart: the template has seen one side only.
+const EARLY_ATTEMPTS: usize = 5;
 /// Share of a normal variable within two standard deviations of its mean.
 const WITHIN_TWO: f64 = 0.9545;
 
@@ -48,6 +51,9 @@ struct Args {
     /// Attempts of each exploration.
     #[arg(long, default_value_t = 50)]
     attempts: u32,
+    /// The visible patch as a share of the whole surface.
+    #[arg(long, default_value_t = Camera::default().patch_share)]
+    patch: f64,
 }
 
 /// What one exploration says about the calibration.
@@ -55,8 +61,18 @@ struct Args {
 struct Sample {
     /// Stated deviations and true distances of vertices.
     errors: Vec<StatedError>,
-    /// Stated deviations of candidates, and whether their attempts failed.
-    attempts: Vec<(f64, bool)>,
+    /// What was tried.
+    attempts: Vec<Tried>,
+}
+
+/// A candidate that was tried.
+#[derive(Clone, Copy)]
+struct Tried {
+    /// One for the first of its exploration.
+    number: usize,
+    /// Its stated deviation in metres.
+    std_m: f64,
+    failed: bool,
 }
 
 fn main() -> ExitCode {
@@ -77,7 +93,7 @@ fn fit(args: &Args) -> Result<(), Problem> {
         .flat_map(|(object, seed)| [Strategy::Proactive, Strategy::ExpectedGain].map(|s| (object, seed, s)))
         .collect();
     let threads = std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
-    let samples = in_parallel(&plans, threads, |plan| explore(plan, args.attempts));
+    let samples = in_parallel(&plans, threads, |plan| explore(plan, args.attempts, args.patch));
     let mut all = Sample::default();
     for sample in samples {
         let Sample { errors, attempts } = sample?;
@@ -96,30 +112,40 @@ fn fit(args: &Args) -> Result<(), Problem> {
     println!("deviations: {} of {} vertices within two of them", percent(within), all.errors.len());
     println!("  in use: scale {scale}; fitted: scale {:.2}", fitted_scale(&all.errors, least_m));
     let config = Config::default();
-    let failed = all.attempts.iter().filter(|(_, failed)| *failed).count();
-    println!("risk: {failed} of {} attempts failed", all.attempts.len());
-    for (name, law) in [("in use", RiskLaw::FITTED), ("fitted", fitted_law(&all.attempts, &config))] {
-        let RiskLaw { share, scale } = law;
-        let stated: f64 = all.attempts.iter().map(|(std_m, _)| law.of_failure(&config, *std_m)).sum();
-        let likelihood = log_likelihood(&law, &all.attempts, &config);
-        println!(
-            "  {name}: share {share:.2}, scale {scale:.2}: states {stated:.0} failures, log likelihood {likelihood:.1}"
-        );
+    let (early, later): (Vec<_>, Vec<_>) =
+        all.attempts.iter().copied().partition(|tried| tried.number <= EARLY_ATTEMPTS);
+    for (which, attempts) in [("all", &all.attempts), ("the first five", &early), ("later ones", &later)] {
+        report_risk(which, attempts, &config);
     }
     Ok(())
+}
+
+fn report_risk(which: &str, attempts: &[Tried], config: &Config) {
+    let failed = attempts.iter().filter(|tried| tried.failed).count();
+    println!("risk, {which}: {failed} of {} attempts failed", attempts.len());
+    for (name, law) in [("in use", RiskLaw::FITTED), ("fitted", fitted_law(attempts, config))] {
+        let RiskLaw { scale } = law;
+        let stated: f64 = attempts.iter().map(|tried| law.of_failure(config, tried.std_m)).sum();
+        let likelihood = log_likelihood(&law, attempts, config);
+        println!("  {name}: scale {scale:.2}: states {stated:.0} failures, log likelihood {likelihood:.1}");
+    }
 }
 
 fn percent(share: f64) -> String {
     format!("{:.1} %", 100.0 * share)
 }
 
-fn explore(&(object, seed, strategy): &(&Object, u64, Strategy), attempts: u32) -> Result<Sample, Problem> {
+fn explore(
+    &(object, seed, strategy): &(&Object, u64, Strategy),
+    attempts: u32,
+    patch_share: f64,
+) -> Result<Sample, Problem> {
     let exploration = Exploration {
         body: &object.body,
         seed,
         settings: Settings { strategy, ..Settings::default() },
         attempts,
-        depth_noise_m: 0.0,
+        camera: Camera { patch_share, ..Camera::default() },
         tactile_noise_m: 0.0,
     };
     let mut sample = Sample::default();
@@ -127,7 +153,7 @@ fn explore(&(object, seed, strategy): &(&Object, u64, Strategy), attempts: u32) 
     exploration.run(|step| {
         number += 1;
         let failed = !matches!(step.outcome, probe::Outcome::Hit(_));
-        sample.attempts.extend(step.candidate.std_m.map(|std_m| (std_m, failed)));
+        sample.attempts.extend(step.candidate.std_m.map(|std_m| Tried { number, std_m, failed }));
         if number < FIRST_ATTEMPT {
             return;
         }
@@ -160,18 +186,16 @@ fn fitted_scale(errors: &[StatedError], least_m: f64) -> f64 {
         .unwrap_or(f64::INFINITY)
 }
 
-fn log_likelihood(law: &RiskLaw, attempts: &[(f64, bool)], config: &Config) -> f64 {
-    let of = |&(std_m, failed): &(f64, bool)| {
+fn log_likelihood(law: &RiskLaw, attempts: &[Tried], config: &Config) -> f64 {
+    let of = |&Tried { std_m, failed, .. }: &Tried| {
         let risk = law.of_failure(config, std_m).clamp(1e-6, 1.0 - 1e-6);
         if failed { risk.ln() } else { (1.0 - risk).ln() }
     };
     attempts.iter().map(of).sum()
 }
 
-fn fitted_law(attempts: &[(f64, bool)], config: &Config) -> RiskLaw {
-    let laws = (1..=20).flat_map(|share| {
-        (2..=60).map(move |scale| RiskLaw { share: 0.05 * f64::from(share), scale: 0.1 * f64::from(scale) })
-    });
+fn fitted_law(attempts: &[Tried], config: &Config) -> RiskLaw {
+    let laws = (4..=120).map(|scale| RiskLaw { scale: 0.05 * f64::from(scale) });
     let judged = laws.map(|law| (log_likelihood(&law, attempts, config), law));
     let better = |best: (f64, RiskLaw), other: (f64, RiskLaw)| if other.0 > best.0 { other } else { best };
     judged.fold((f64::NEG_INFINITY, RiskLaw::FITTED), better).1

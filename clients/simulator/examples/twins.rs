@@ -21,6 +21,7 @@ use palpate_core::evidence::{
 use palpate_core::exploration::ProposalRequest;
 use palpate_core::geometry::{Point, Pose, SurfaceIndex, Vector};
 use palpate_core::reconstruction::Reconstruction;
+use palpate_simulator::camera::Camera;
 use palpate_simulator::in_process::Exploration;
 use palpate_simulator::objects::{self, Object, Problem};
 use palpate_simulator::parallel::in_parallel;
@@ -107,7 +108,7 @@ fn pairs_of(object: &Object, args: &Args) -> Result<Vec<Pair>, Problem> {
         seed: args.seed,
         settings: Settings::default(),
         attempts: args.attempts,
-        depth_noise_m: 0.0,
+        camera: Camera::default(),
         tactile_noise_m: 0.0,
     };
     let mut log = vec![exploration.view()?];

@@ -1,7 +1,7 @@
 //! A depth camera that sees one side of the object, and of that only a patch.
 //!
-//! 0.6 m away, 20 to 50 degrees above the horizon, from any side. Of what it sees, the patch is the
-//! 12 % of the whole surface nearest to a random visible point; 200 points of it are the prior.
+//! 0.6 m away, 20 to 50 degrees above the horizon, from any side. Of what it sees, the patch is that
+//! share of the whole surface which is nearest to a random visible point; 200 points of it are the prior.
 
 use nalgebra::Rotation3;
 use palpate_core::geometry::{Direction, Point, Vector};
@@ -16,8 +16,6 @@ use crate::random::{Stream, generator, standard_normal};
 pub const DISTANCE_M: f64 = 0.6;
 /// The lowest and the highest elevation, in degrees.
 pub const ELEVATION_DEG: [f64; 2] = [20.0, 50.0];
-/// The patch as a share of the whole surface.
-pub const PATCH_SHARE: f64 = 0.12;
 /// Points of the patch that are handed on.
 pub const PATCH_POINTS: usize = 200;
 
@@ -25,6 +23,22 @@ pub const PATCH_POINTS: usize = 200;
 const SURFACE_POINTS: usize = 10_000;
 /// A ray that ends this near before its point has reached it.
 const OCCLUSION_TOLERANCE_M: f64 = 1e-5;
+
+/// How much the camera sees, and how well.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Camera {
+    /// The patch as a share of the whole surface, in (0, 1]. The paper does not state its own.
+    pub patch_share: f64,
+    /// Standard deviation along each ray, in metres.
+    pub depth_noise_m: f64,
+}
+
+impl Default for Camera {
+    /// A small patch, without noise.
+    fn default() -> Self {
+        Self { patch_share: 0.12, depth_noise_m: 0.0 }
+    }
+}
 
 /// What the camera hands on: a patch of the surface and where it was seen from.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,37 +49,38 @@ pub struct View {
     pub points: Vec<Point>,
 }
 
-/// Takes the picture that belongs to `seed`.
-///
-/// `depth_noise_m` is the standard deviation along each ray, in metres.
-pub fn look(body: &Body, seed: u64, depth_noise_m: f64) -> View {
-    let viewpoint = viewpoint(body, seed);
-    let mut rng = generator(seed, Stream::Patch);
-    let surface = SurfaceSampler::new(body.mesh())
-        .map(|sampler| sampler.stratified(SURFACE_POINTS, &mut rng))
-        .unwrap_or_default();
-    let mut patch: Vec<Point> = surface
-        .into_iter()
-        .map(|sample| sample.point)
-        .filter(|point| is_visible(body, &viewpoint, point))
-        .collect();
-    if !patch.is_empty() {
-        let centre = patch[rng.random_range(0..patch.len())];
-        patch.sort_by(|a, b| {
-            let squared = |point: &Point| (point - centre).norm_squared();
-            squared(a).total_cmp(&squared(b))
-        });
+impl Camera {
+    /// Takes the picture that belongs to `seed`.
+    pub fn look(&self, body: &Body, seed: u64) -> View {
+        let Self { patch_share, depth_noise_m } = *self;
+        let viewpoint = viewpoint(body, seed);
+        let mut rng = generator(seed, Stream::Patch);
+        let surface = SurfaceSampler::new(body.mesh())
+            .map(|sampler| sampler.stratified(SURFACE_POINTS, &mut rng))
+            .unwrap_or_default();
+        let mut patch: Vec<Point> = surface
+            .into_iter()
+            .map(|sample| sample.point)
+            .filter(|point| is_visible(body, &viewpoint, point))
+            .collect();
+        if !patch.is_empty() {
+            let centre = patch[rng.random_range(0..patch.len())];
+            patch.sort_by(|a, b| {
+                let squared = |point: &Point| (point - centre).norm_squared();
+                squared(a).total_cmp(&squared(b))
+            });
+        }
+        // Every sample stands for the same area, so a share of the area is a share of the samples.
+        patch.truncate((patch_share * SURFACE_POINTS as f64) as usize);
+        patch.shuffle(&mut rng);
+        patch.truncate(PATCH_POINTS);
+        let mut noise = generator(seed, Stream::DepthNoise);
+        for point in &mut patch {
+            let ray = Direction::new_normalize(*point - viewpoint);
+            *point += ray.into_inner() * (depth_noise_m * standard_normal(&mut noise));
+        }
+        View { viewpoint, points: patch }
     }
-    // Every sample stands for the same area, so a share of the area is a share of the samples.
-    patch.truncate((PATCH_SHARE * SURFACE_POINTS as f64) as usize);
-    patch.shuffle(&mut rng);
-    patch.truncate(PATCH_POINTS);
-    let mut noise = generator(seed, Stream::DepthNoise);
-    for point in &mut patch {
-        let ray = Direction::new_normalize(*point - viewpoint);
-        *point += ray.into_inner() * (depth_noise_m * standard_normal(&mut noise));
-    }
-    View { viewpoint, points: patch }
 }
 
 fn viewpoint(body: &Body, seed: u64) -> Point {
@@ -95,7 +110,7 @@ mod tests {
     fn the_camera_stands_where_it_should() {
         let body = shapes::generate("can").unwrap();
         for seed in 0..50 {
-            let sight = look(&body, seed, 0.0).viewpoint - body.centre();
+            let sight = Camera::default().look(&body, seed).viewpoint - body.centre();
             assert!((sight.norm() - 0.6).abs() < 1e-12);
             let elevation = (sight.z / 0.6).asin().to_degrees();
             assert!((20.0..=50.0).contains(&elevation), "{elevation}");
@@ -107,7 +122,7 @@ mod tests {
         let body = shapes::generate("ball").unwrap();
         let mut widest = 0.0_f64;
         for seed in 0..30 {
-            let view = look(&body, seed, 0.0);
+            let view = Camera::default().look(&body, seed);
             assert_eq!(view.points.len(), PATCH_POINTS);
             let towards = (view.viewpoint - body.centre()).normalize();
             for point in &view.points {
@@ -128,9 +143,22 @@ mod tests {
     }
 
     #[test]
+    fn a_larger_share_is_a_larger_patch_and_more_than_is_visible_is_all_that_is() {
+        let body = shapes::generate("ball").unwrap();
+        let across = |patch_share| {
+            let points = Camera { patch_share, ..Camera::default() }.look(&body, 7).points;
+            let pairs = points.iter().flat_map(|a| points.iter().map(move |b| (a - b).norm()));
+            pairs.fold(0.0, f64::max)
+        };
+        let [small, large, visible, all] = [0.05, 0.3, 0.5, 1.0].map(across);
+        assert!(small < large && large < visible, "{small} {large} {visible}");
+        assert!((all - visible).abs() < 0.01, "the far side stays hidden: {visible} {all}");
+    }
+
+    #[test]
     fn nothing_behind_something_else_is_seen() {
         let body = shapes::generate("mug").unwrap();
-        let view = look(&body, 3, 0.0);
+        let view = Camera::default().look(&body, 3);
         for point in &view.points {
             let direction = Direction::new_normalize(point - view.viewpoint);
             let hit = body.surface().first_hit(&view.viewpoint, &direction, 1.0).unwrap();
@@ -141,8 +169,8 @@ mod tests {
     #[test]
     fn depth_noise_moves_points_along_their_rays_only() {
         let body = shapes::generate("ball").unwrap();
-        let exact = look(&body, 5, 0.0);
-        let noisy = look(&body, 5, 0.003);
+        let exact = Camera::default().look(&body, 5);
+        let noisy = Camera { depth_noise_m: 0.003, ..Camera::default() }.look(&body, 5);
         assert_eq!(exact.viewpoint, noisy.viewpoint);
         let mut squares = 0.0;
         for (exact_point, noisy_point) in exact.points.iter().zip(&noisy.points) {
@@ -158,7 +186,8 @@ mod tests {
     #[test]
     fn the_same_seed_sees_the_same() {
         let body = shapes::generate("box").unwrap();
-        assert_eq!(look(&body, 9, 0.001), look(&body, 9, 0.001));
-        assert_ne!(look(&body, 9, 0.0).viewpoint, look(&body, 10, 0.0).viewpoint);
+        let camera = Camera { depth_noise_m: 0.001, ..Camera::default() };
+        assert_eq!(camera.look(&body, 9), camera.look(&body, 9));
+        assert_ne!(camera.look(&body, 9).viewpoint, camera.look(&body, 10).viewpoint);
     }
 }

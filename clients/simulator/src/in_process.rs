@@ -9,7 +9,7 @@ use palpate_core::exploration::{Candidate, ProposalRequest};
 use palpate_core::reconstruction::Reconstruction;
 
 use crate::body::Body;
-use crate::camera;
+use crate::camera::Camera;
 use crate::probe::{self, Approach, PAD_HALF_SIDE_M, Probe, ProbeSettings, Touch};
 
 /// What is explored, and how.
@@ -23,8 +23,8 @@ pub struct Exploration<'a> {
     pub settings: Settings,
     /// Failures included.
     pub attempts: u32,
-    /// Standard deviation of the camera along its rays, in metres.
-    pub depth_noise_m: f64,
+    /// How much is seen before the first touch, and how well.
+    pub camera: Camera,
     /// Standard deviation of a touched position along each axis, in metres.
     pub tactile_noise_m: f64,
 }
@@ -48,7 +48,7 @@ impl Exploration<'_> {
     /// # Errors
     /// The camera sees too little.
     pub fn view(&self) -> Result<Evidence, palpate_core::error::Error> {
-        let view = camera::look(self.body, self.seed, self.depth_noise_m);
+        let view = self.camera.look(self.body, self.seed);
         Ok(Evidence::VisualPrior(VisualPrior::new(view.points, None, Some(view.viewpoint))?))
     }
 

@@ -20,7 +20,7 @@ use palpate_client::{Client, Error as ClientError};
 use palpate_core::geometry::{Point, Pose, TriangleMesh, Vector};
 
 use crate::body::Body;
-use crate::camera;
+use crate::camera::Camera;
 use crate::probe::{Approach, Outcome, Probe, ProbeSettings, Touch};
 
 /// What a robot sets out to do.
@@ -32,8 +32,8 @@ pub struct Plan {
     pub seed: u64,
     /// Attempts, failures included.
     pub attempts: u32,
-    /// Standard deviation of the depth camera along its rays, in metres.
-    pub depth_noise_m: f64,
+    /// How much is seen before the first touch, and how well.
+    pub camera: Camera,
     /// What the probe measures.
     pub probe: ProbeSettings,
 }
@@ -98,7 +98,7 @@ impl<'a> Robot<'a> {
     /// [`RobotError`] if the server refuses or does not answer.
     pub async fn begin(client: Client, body: &'a Body, plan: Plan) -> Result<Self, RobotError> {
         let created = client.create_session(plan.session).await?;
-        let view = camera::look(body, plan.seed, plan.depth_noise_m);
+        let view = plan.camera.look(body, plan.seed);
         let points: Vec<[f64; 3]> = view.points.iter().map(|&point| point.into()).collect();
         let prior = palpate_client::visual_prior(&points, Some(view.viewpoint.into()));
         let reply = client

@@ -1,12 +1,11 @@
 //! The risk that an approach fails: that the surface lies too far from where it is expected.
 //!
 //! An approach touches early where the surface lies further out than `failure_distance_m`, and
-//! misses where it lies deeper than the probe travels. Errors of a reconstruction are either much
-//! smaller than their deviation says, where the template is right, or have heavy tails, where it
-//! is wrong: there, they follow Student's law.
+//! misses where it lies deeper than the probe travels. Errors of a reconstruction have heavy tails,
+//! where the template is wrong, so they follow Student's law.
 //!
-//! Both parameters of the law are fitted to what became of candidates, each with its `std_m`, by the
-//! simulator's example `calibrate`; they hold for that deviation, and are fitted again when it changes.
+//! Its scale is fitted to what became of candidates, each with its `std_m`, by the simulator's example
+//! `calibrate`; it holds for that deviation, and is fitted again when it changes.
 
 use super::proposal::ScoreTerm;
 use super::situation::Situation;
@@ -20,8 +19,6 @@ const RISK_WEIGHT: f64 = -2.0;
 /// The law of the errors that make an approach fail.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RiskLaw {
-    /// The share of candidates whose error follows the law; that of the others is negligible.
-    pub share: f64,
     /// The law's scale for each metre of stated deviation.
     pub scale: f64,
 }
@@ -36,7 +33,7 @@ pub(super) fn term(situation: &Situation<'_>, vertex: u32) -> Option<ScoreTerm> 
 
 impl RiskLaw {
     /// The law that is in use.
-    pub const FITTED: Self = Self { share: 0.5, scale: 1.9 };
+    pub const FITTED: Self = Self { scale: 1.35 };
 
     /// The probability that an approach fails where the surface has the deviation `std_m`, in metres.
     pub fn of_failure(&self, config: &Config, std_m: f64) -> f64 {
@@ -44,7 +41,7 @@ impl RiskLaw {
         let outside = beyond(config.failure_distance_m / scale_m);
         // A touch that deep would be too far from its candidate as well.
         let inside = beyond(config.probe_half_travel_m.min(config.failure_distance_m) / scale_m);
-        self.share * (outside + inside)
+        outside + inside
     }
 }
 

@@ -10,15 +10,18 @@ use super::process::{Displacement, Observation, Prior};
 use crate::config::{DeclaredSymmetry, Stages};
 use crate::evidence::attractor::{Attractor, Sense};
 use crate::fingerprint::Fingerprint;
+use crate::geometry::Vector;
 use crate::schedule::Extras;
 use crate::symmetry::{Symmetry, SymmetryFrame};
 use crate::template::Compound;
 
 /// Correlation length, as a share of the object's mean radius.
 const CORRELATION: f64 = 0.6;
-/// Prior on the amplitude: 8 mm, with the weight of four touches. That is a scaled inverse
-/// chi-square prior on the variance, with four degrees of freedom.
+/// Prior on the amplitude: 8 mm, or this share of the visible patch's length where that is more, since
+/// the hidden side is the deeper the larger an object looks. It has the weight of four touches; that is
+/// a scaled inverse chi-square prior on the variance, with four degrees of freedom.
 const EXPECTED_M: f64 = 0.008;
+const EXPECTED_SHARE: f64 = 0.2;
 const EXPECTED_COUNT: f64 = 4.0;
 /// Weaker prior while symmetries are compared; otherwise a symmetry would win merely by shrinking
 /// the amplitude.
@@ -42,6 +45,14 @@ const ROTATED: f64 = 0.2;
 /// The correlation length on a template of some area, in metres.
 pub(crate) fn correlation_length_m(area_m2: f64) -> f64 {
     CORRELATION * (area_m2 / (4.0 * std::f64::consts::PI)).sqrt()
+}
+
+/// Root mean square distance of what was seen from its centroid, in metres.
+fn visible_length_m(attractors: &[Attractor]) -> f64 {
+    let seen = || attractors.iter().filter(|a| a.sense == Sense::Vision).map(|a| a.point.coords);
+    let count = seen().count().max(1) as f64;
+    let centroid = seen().sum::<Vector>() / count;
+    (seen().map(|point| (point - centroid).norm_squared()).sum::<f64>() / count).sqrt()
 }
 
 /// What was chosen, from which the next choice goes on.
@@ -89,6 +100,11 @@ pub(crate) struct Problem<'a> {
 }
 
 impl Problem<'_> {
+    /// The amplitude that is expected before any touch, in metres.
+    fn expected_m(&self) -> f64 {
+        (EXPECTED_SHARE * visible_length_m(self.attractors)).max(EXPECTED_M)
+    }
+
     fn frame(&self, symmetry: Symmetry) -> SymmetryFrame {
         let body = &self.shape.body;
         SymmetryFrame { centre: body.centre, axes: body.base_from_template, symmetry }
@@ -101,8 +117,11 @@ impl Problem<'_> {
         before: Option<&Hyperparameters>,
     ) -> (Displacement, Hyperparameters) {
         let touches = self.attractors.iter().filter(|a| a.sense == Sense::Touch).count();
-        let prior =
-            Prior { length_m: self.length_m, amplitude_m: EXPECTED_M, frame: self.frame(Symmetry::None) };
+        let prior = Prior {
+            length_m: self.length_m,
+            amplitude_m: self.expected_m(),
+            frame: self.frame(Symmetry::None),
+        };
 
         let mut noise = before.map_or_else(Noise::default, |before| before.noise);
         self.set_noise(observations, &noise);
@@ -111,13 +130,13 @@ impl Problem<'_> {
             noise = noise.improved(|guess| {
                 let mut guessed = observations.to_vec();
                 self.set_noise(&mut guessed, guess);
-                let fitted = first.refit(EXPECTED_M, &guessed);
+                let fitted = first.refit(self.expected_m(), &guessed);
                 self.with_amplitude(&fitted, EXPECTED_COUNT, &guessed).evidence()
             });
             self.set_noise(observations, &noise);
         }
 
-        let alone = first.refit(EXPECTED_M, observations);
+        let alone = first.refit(self.expected_m(), observations);
         let alone = self.with_amplitude(&alone, EXPECTED_COUNT, observations);
         let alone = self.with_amplitude(&alone, EXPECTED_COUNT, observations);
         let process = self.with_symmetry(alone, touches, observations, before);
@@ -144,7 +163,7 @@ impl Problem<'_> {
         let touches = shares.filter(|(a, _)| a.sense == Sense::Touch).map(|(_, share)| share);
         let (squares, count) = touches.fold((0.0, 0.0), |sum, share| (sum.0 + share.0, sum.1 + share.1));
         let squares_m2 = f64::max(squares, 0.0) * process.prior().amplitude_m.powi(2);
-        let expected_m2 = expected_count * EXPECTED_M.powi(2);
+        let expected_m2 = expected_count * self.expected_m().powi(2);
         let variance_m2 = (expected_m2 + squares_m2) / (expected_count + count);
         process.refit(variance_m2.sqrt().min(LARGEST_M), observations)
     }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::robot::{Exploration, LocalServer, NoiseArgs, ObjectArgs, SessionArgs, drive, plan, save_ply};
+use super::robot::{Exploration, LocalServer, ObjectArgs, SensorArgs, SessionArgs, drive, plan, save_ply};
 use crate::failure::{Ended, Failure};
 use crate::terminal::{BOLD, COMMAND, program, say, styled, wrapped};
 use crate::version::VERSION;
@@ -24,7 +24,7 @@ pub(crate) struct Args {
     session: SessionArgs,
 
     #[command(flatten)]
-    noise: NoiseArgs,
+    sensors: SensorArgs,
 
     /// Where the reconstructed mesh is written.
     #[arg(long, value_name = "FILE", default_value = "palpate-demo.ply", help_heading = "Output")]
@@ -65,7 +65,7 @@ async fn explore(args: &Args, database: &Path) -> Result<(LocalServer, Explorati
         &format!("Palpate {}: a simulated robot explores, through a server of its own: {name}.", *VERSION),
         0,
     ))?;
-    let plan = plan(&name, "demo", &args.session, &args.noise);
+    let plan = plan(&name, "demo", &args.session, &args.sensors);
     let exploration = drive(client, &body, plan).await?;
     say(format_args!("\n{exploration}"))?;
     save_ply(&exploration, &args.out)?;

@@ -23,7 +23,7 @@ use palpate_client::proto::v1::{Method, Strategy, Symmetry};
 use self::folder::Folder;
 use self::journal::Journal;
 use self::report::Report;
-use super::robot::{LocalServer, NoiseArgs, attempts, parser};
+use super::robot::{LocalServer, SensorArgs, attempts, parser};
 use crate::failure::{Ended, Failure, wrong_usage};
 use crate::terminal::{counted, say};
 
@@ -101,7 +101,7 @@ pub(crate) struct Args {
     jobs: Option<std::num::NonZeroUsize>,
 
     #[command(flatten)]
-    noise: NoiseArgs,
+    sensors: SensorArgs,
 }
 
 /// Evaluates and reports what was done, even if Ctrl-C or a failure has ended it early.

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use palpate_client::Client;
 
-use super::robot::{NoiseArgs, ObjectArgs, SessionArgs, drive, plan, save_ply};
+use super::robot::{ObjectArgs, SensorArgs, SessionArgs, drive, plan, save_ply};
 use crate::failure::Failure;
 use crate::terminal::say;
 use crate::writable;
@@ -28,7 +28,7 @@ pub(crate) struct Args {
     session: SessionArgs,
 
     #[command(flatten)]
-    noise: NoiseArgs,
+    sensors: SensorArgs,
 
     /// Where to write the reconstructed mesh as a PLY file; nowhere unless given.
     #[arg(long, value_name = "FILE", help_heading = "Output")]
@@ -57,7 +57,7 @@ pub(crate) async fn run(args: Args) -> Result<(), Failure> {
     let (name, body) = args.object.load("bottle")?;
     let client = Client::connect(&args.server).await?;
     say(format_args!("A simulated robot explores through {}: {name}.", args.server))?;
-    let plan = plan(&name, "explore", &args.session, &args.noise);
+    let plan = plan(&name, "explore", &args.session, &args.sensors);
     let exploration = drive(client, &body, plan).await?;
     say(format_args!("\n{exploration}"))?;
     if let Some(path) = &args.out {

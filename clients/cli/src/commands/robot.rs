@@ -6,7 +6,7 @@ mod local_server;
 mod measured;
 mod names;
 
-pub(super) use self::args::{NoiseArgs, ObjectArgs, SessionArgs, attempts, plan};
+pub(super) use self::args::{ObjectArgs, SensorArgs, SessionArgs, attempts, plan};
 pub(super) use self::driver::{Exploration, drive, save_ply};
 pub(super) use self::local_server::LocalServer;
 pub(super) use self::measured::{MeasuredRobot, outcome_name};

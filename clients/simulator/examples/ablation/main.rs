@@ -19,6 +19,7 @@ use std::time::Duration;
 use clap::Parser;
 use indicatif::{ProgressBar, ProgressStyle};
 use palpate_core::config::Stages;
+use palpate_simulator::camera::Camera;
 use palpate_simulator::objects::{self, Object, Problem};
 use palpate_simulator::parallel::in_parallel;
 
@@ -49,6 +50,9 @@ struct Args {
     /// Attempts of each exploration, failures included.
     #[arg(long, default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..))]
     attempts: u32,
+    /// The visible patch as a share of the whole surface.
+    #[arg(long, default_value_t = Camera::default().patch_share)]
+    patch: f64,
     /// Standard deviation of the camera along its rays, in millimetres.
     #[arg(long, default_value_t = 0.0)]
     depth_noise_mm: f64,
@@ -103,7 +107,7 @@ fn plan<'a>(args: &Args, seed: u64, object: &'a Object, stages: Stages) -> Plan<
         seed,
         stages,
         attempts: args.attempts,
-        depth_noise_m: 1e-3 * args.depth_noise_mm,
+        camera: Camera { patch_share: args.patch, depth_noise_m: 1e-3 * args.depth_noise_mm },
         tactile_noise_m: 1e-3 * args.tactile_noise_mm,
     }
 }

@@ -1,6 +1,7 @@
 //! One exploration, from the view to the last attempt.
 
 use palpate_core::config::{Settings, Stages};
+use palpate_simulator::camera::Camera;
 use palpate_simulator::in_process::Exploration;
 use palpate_simulator::objects::{Object, Problem};
 use palpate_simulator::probe;
@@ -15,8 +16,8 @@ pub(crate) struct Plan<'a> {
     pub(crate) stages: Stages,
     /// Failures included.
     pub(crate) attempts: u32,
-    /// Standard deviations of the camera and of the probe.
-    pub(crate) depth_noise_m: f64,
+    pub(crate) camera: Camera,
+    /// Standard deviation of the probe.
     pub(crate) tactile_noise_m: f64,
 }
 
@@ -41,7 +42,7 @@ impl Plan<'_> {
             seed: self.seed,
             settings: Settings { stages: self.stages, ..Settings::default() },
             attempts: self.attempts,
-            depth_noise_m: self.depth_noise_m,
+            camera: self.camera,
             tactile_noise_m: self.tactile_noise_m,
         };
         let mut failures = 0;

@@ -73,7 +73,7 @@ pub(super) fn tasks(objects: &[EvaluatedObject], args: &Args) -> Vec<Task> {
                     symmetry: args.symmetry.filter(|_| method != Method::Paper),
                     seed,
                 };
-                let mut plan = plan(&object.name, "evaluate", &session, &args.noise);
+                let mut plan = plan(&object.name, "evaluate", &session, &args.sensors);
                 plan.session.session_id = format!("run-{:04}", tasks.len() + 1);
                 let case = Case::new(&object.name, method, strategy, seed);
                 tasks.push(Task { case, object: object.clone(), plan });

@@ -102,11 +102,11 @@ pub(super) fn arguments(args: &Args, objects: &[EvaluatedObject], algorithm_vers
         out: _,
         resume: _,
         jobs: _,
-        noise,
+        sensors,
     } = args;
     let mut text = format!("algorithm: {algorithm_version}\nseeds: {seeds}\nattempts: {attempts}\n");
     let symmetry = symmetry.map_or("none", super::super::robot::name_of);
-    text.push_str(&format!("symmetry: {symmetry}\nsensors: {noise:?}\n"));
+    text.push_str(&format!("symmetry: {symmetry}\nsensors: {sensors:?}\n"));
     for (method, strategy) in series(args) {
         text.push_str(&format!("series: {method}, {strategy}\n"));
     }

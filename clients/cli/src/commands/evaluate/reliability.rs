@@ -12,6 +12,8 @@ use super::record::Run;
 pub(super) const MEASURED_EVERY: u32 = 5;
 /// Into how many quantiles of the stated deviation the vertices go.
 const DEVIATION_BINS: usize = 10;
+/// Until this attempt the object's other side is a guess, so their risks are shown apart as well.
+const EARLY_ATTEMPTS: usize = 5;
 /// Between these the stated risks are grouped: finer where most candidates are.
 pub(super) const RISK_EDGES: [f64; 6] = [0.0, 0.01, 0.03, 0.1, 0.3, 1.0];
 
@@ -26,6 +28,8 @@ pub(super) struct Statements {
     pub(super) errors_by_object: Vec<Vec<StatedError>>,
     /// The candidates that were tried.
     pub(super) risks: Vec<StatedRisk>,
+    /// Those of them that were among the first of their runs.
+    pub(super) early_risks: Vec<StatedRisk>,
 }
 
 /// What each of the series stated; those that state nothing are left out.
@@ -38,11 +42,20 @@ pub(super) fn collect(series: &[(String, String)], objects: &[String], runs: &[R
             runs.flat_map(|run| run.stated_errors.iter().copied()).collect()
         };
         let errors_by_object = objects.iter().map(of_object).filter(|errors| !errors.is_empty()).collect();
-        let attempts = runs().flat_map(|run| &run.attempts);
-        let risks = attempts
-            .filter_map(|row| row.failure_risk.map(|risk| StatedRisk { risk, failed: row.failed() }))
-            .collect();
-        Statements { name: format!("{method}, {strategy}"), series: place, errors_by_object, risks }
+        // Before the rows of the attempts there is one of the state without any.
+        let risks_until = |last: usize| {
+            let attempts = runs().flat_map(|run| run.attempts.iter().take(last.saturating_add(1)));
+            attempts
+                .filter_map(|row| row.failure_risk.map(|risk| StatedRisk { risk, failed: row.failed() }))
+                .collect()
+        };
+        Statements {
+            name: format!("{method}, {strategy}"),
+            series: place,
+            errors_by_object,
+            risks: risks_until(usize::MAX),
+            early_risks: risks_until(EARLY_ATTEMPTS),
+        }
     };
     let stated =
         |statements: &Statements| !statements.errors_by_object.is_empty() || !statements.risks.is_empty();
@@ -90,8 +103,13 @@ impl Statements {
             text.push_str(
                 "\n| stated risk | candidates | mean | failed | 95 % interval |\n|---|---|---|---|---|\n",
             );
-            for bin in self.risk_bins().iter().chain(&risk_bins(&self.risks, &[0.0, 1.0])) {
-                risk_row(text, bin);
+            for bin in self.risk_bins() {
+                let [from, to] = bin.range.map(|share| 100.0 * share);
+                risk_row(text, &format!("{from:.0} to {to:.0} %"), &bin);
+            }
+            let early = format!("attempts 1 to {EARLY_ATTEMPTS}");
+            for (name, risks) in [(early.as_str(), &self.early_risks), ("all", &self.risks)] {
+                risk_bins(risks, &[0.0, 1.0]).iter().for_each(|bin| risk_row(text, name, bin));
             }
         }
     }
@@ -104,15 +122,11 @@ fn deviation_row(text: &mut String, bin: &DeviationBin) {
     let _ = writeln!(text, "| {from:.2} to {to:.2} | {mean:.2} | {rms:.2} | {share:.3} |");
 }
 
-fn risk_row(text: &mut String, bin: &RiskBin) {
-    let [from, to, mean, failed, low, high] =
-        [bin.range[0], bin.range[1], bin.mean_risk, bin.failed, bin.failed_95[0], bin.failed_95[1]]
-            .map(|share| 100.0 * share);
+fn risk_row(text: &mut String, name: &str, bin: &RiskBin) {
+    let [mean, failed, low, high] =
+        [bin.mean_risk, bin.failed, bin.failed_95[0], bin.failed_95[1]].map(|share| 100.0 * share);
     let count = bin.count;
-    let _ = writeln!(
-        text,
-        "| {from:.0} to {to:.0} % | {count} | {mean:.2} % | {failed:.1} % | {low:.1} to {high:.1} % |"
-    );
+    let _ = writeln!(text, "| {name} | {count} | {mean:.2} % | {failed:.1} % | {low:.1} to {high:.1} % |");
 }
 
 /// The section of the report; empty if nothing was stated.
@@ -126,7 +140,7 @@ pub(super) fn markdown(statements: &[Statements]) -> String {
         "The vertices are those after every attempt whose number is a multiple of {MEASURED_EVERY}, in \
          {DEVIATION_BINS} equal groups by stated sigma."
     );
-    text.push_str("The last line of each table is all of them; `plots/reliability.svg` shows the same.\n");
+    text.push_str("The last line of each table is all of them, the line before it the risks of the first attempts; `plots/reliability.svg` shows the same.\n");
     for statements in statements {
         statements.markdown(&mut text);
     }
@@ -184,7 +198,8 @@ mod tests {
             "| 4.00 to 4.00 | 4.00 | 1.00 | 1.000 |",
             "| 0.40 to 4.00 | 1.85 | 1.00 | 0.750 |",
             "| 1 to 3 % | 1 | 2.00 % | 100.0 % | 20.7 to 100.0 % |",
-            "| 0 to 100 % | 2 | 11.00 % | 100.0 % | 34.2 to 100.0 % |",
+            "| attempts 1 to 5 | 2 | 11.00 % | 100.0 % | 34.2 to 100.0 % |",
+            "| all | 2 | 11.00 % | 100.0 % | 34.2 to 100.0 % |",
         ];
         for line in lines {
             assert!(text.contains(line), "{line}\nis not in\n{text}");

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use palpate_client::proto::v1::{CreateSessionRequest, Method, SessionConfig, StopRule, Strategy, Symmetry};
 use palpate_server::Limits;
 use palpate_simulator::body::Body;
+use palpate_simulator::camera::Camera;
 use palpate_simulator::probe::ProbeSettings;
 use palpate_simulator::robot::Plan;
 use palpate_simulator::{mesh_file, shapes};
@@ -103,7 +104,11 @@ pub(in crate::commands) fn attempts(text: &str) -> Result<u32, String> {
 /// What the robot measures, and how badly; exactly, unless told otherwise.
 #[derive(Clone, Copy, Debug, clap::Args)]
 #[command(next_help_heading = "Sensors")]
-pub(in crate::commands) struct NoiseArgs {
+pub(in crate::commands) struct SensorArgs {
+    /// How much the camera sees, as a share of the object's whole surface; it never sees the far side.
+    #[arg(long, value_name = "SHARE", default_value_t = Camera::default().patch_share, value_parser = share)]
+    patch: f64,
+
     /// Standard deviation of the depth camera along its rays.
     #[arg(long, value_name = "MM", default_value_t = 0.0, value_parser = not_negative)]
     depth_noise_mm: f64,
@@ -127,6 +132,13 @@ pub(in crate::commands) struct NoiseArgs {
     normal_noise_deg: f64,
 }
 
+fn share(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (0.01..=1.0).contains(&value) => Ok(value),
+        _ => Err("must be between 0.01 and 1".to_owned()),
+    }
+}
+
 fn not_negative(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),
@@ -139,7 +151,7 @@ pub(in crate::commands) fn plan(
     object: &str,
     experiment: &str,
     session: &SessionArgs,
-    noise: &NoiseArgs,
+    sensors: &SensorArgs,
 ) -> Plan {
     let mut labels = BTreeMap::from([
         ("object".to_owned(), object.to_owned()),
@@ -170,11 +182,11 @@ pub(in crate::commands) fn plan(
         },
         seed: session.seed,
         attempts: session.attempts,
-        depth_noise_m: noise.depth_noise_mm * 1e-3,
+        camera: Camera { patch_share: sensors.patch, depth_noise_m: sensors.depth_noise_mm * 1e-3 },
         probe: ProbeSettings {
-            tactile_noise_m: noise.tactile_noise_mm * 1e-3,
-            measures_normals: noise.measured_normals,
-            normal_noise_rad: noise.normal_noise_deg.to_radians(),
+            tactile_noise_m: sensors.tactile_noise_mm * 1e-3,
+            measures_normals: sensors.measured_normals,
+            normal_noise_rad: sensors.normal_noise_deg.to_radians(),
         },
     }
 }
@@ -190,11 +202,11 @@ mod tests {
             #[command(flatten)]
             session: SessionArgs,
             #[command(flatten)]
-            noise: NoiseArgs,
+            sensors: SensorArgs,
         }
         let planned = |args: &[&str]| {
             let program = <Program as clap::Parser>::try_parse_from([&["palpate"], args].concat());
-            program.map(|Program { session, noise }| plan("can", "test", &session, &noise))
+            program.map(|Program { session, sensors }| plan("can", "test", &session, &sensors))
         };
         let known = planned(&["--symmetry", "revolution", "--measured-normals"]).unwrap();
         assert_eq!(known.session.config.unwrap().symmetry(), Symmetry::Revolution);
@@ -254,8 +266,10 @@ mod tests {
     }
 
     #[test]
-    fn noise_that_is_not_a_length_is_refused() {
+    fn noise_or_a_patch_that_cannot_be_is_refused() {
         assert!(not_negative("-1").is_err() && not_negative("nan").is_err() && not_negative("x").is_err());
         assert_eq!(not_negative("1.5"), Ok(1.5));
+        assert!(share("0").is_err() && share("12").is_err() && share("nan").is_err());
+        assert_eq!(share("0.3"), Ok(0.3));
     }
 }

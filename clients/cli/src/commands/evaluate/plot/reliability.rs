@@ -201,6 +201,7 @@ mod tests {
             series: 0,
             errors_by_object: vec![errors(0.0005), errors(0.0002)],
             risks: Vec::new(),
+            early_risks: Vec::new(),
         };
         let band = Band::of(&statements).unwrap();
         let one_sigma = 20;
@@ -224,6 +225,7 @@ mod tests {
             series,
             errors_by_object: vec![errors(0.0005), errors(0.0002)],
             risks: risks.clone(),
+            early_risks: Vec::new(),
         };
         let all = [statements(0, "palpate, proactive"), statements(3, "palpate, random")];
         draw_reliability(&all, &path).unwrap();
