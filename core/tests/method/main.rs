@@ -67,20 +67,21 @@ fn the_terms_of_a_score_add_up_to_it_and_candidates_lie_apart() {
 
 #[test]
 fn the_heavier_the_way_weighs_the_nearer_to_the_tool_is_the_next_candidate() {
-    let behind = Point::new(0.3, -0.1, 0.2);
     for strategy in [Strategy::Proactive, Strategy::ExpectedGain] {
-        let path_m = |alpha_travel, tool: Option<Point>| {
+        let proposed = |alpha_travel, request: &ProposalRequest| {
             let settings = Settings { strategy, alpha_travel, ..of(Method::Palpate) };
             // The touches before are the same: they were asked for without a tool.
             let (_, state) = explore(&Object::sphere(), settings, 6);
-            let request = tool.map_or_else(best, |tool| best().with_tool_at(tool).unwrap());
-            let proposal = state.propose(&request);
-            (proposal.candidates[0].probe_start - behind).norm()
+            state.propose(request).candidates[0].probe_start
         };
-        let paths = [0.0, 0.3, 3.0, 300.0].map(|weight| path_m(weight, Some(behind)));
+        let alone = proposed(0.0, &best());
+        // On the other side of the object from what is best without a way.
+        let tool = Point::from(2.0 * Object::sphere().centre().coords - alone.coords);
+        let request = best().with_tool_at(tool).unwrap();
+        let paths = [0.0, 0.3, 3.0, 300.0].map(|weight| (proposed(weight, &request) - tool).norm());
         assert!(paths.is_sorted_by(|a, b| a >= b), "{strategy:?} {paths:?}");
         assert!(paths[3] < paths[0] - 0.01, "{strategy:?} {paths:?}");
-        assert_eq!(path_m(300.0, None), paths[0], "without a tool there is no path to weigh");
+        assert_eq!(proposed(300.0, &best()), alone, "without a tool there is no path to weigh");
     }
 }
 

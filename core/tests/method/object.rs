@@ -38,6 +38,10 @@ impl Object {
         }
     }
 
+    pub(crate) fn centre(&self) -> Point {
+        self.base_from_object * Point::origin()
+    }
+
     pub(crate) fn moved(&self, motion: &Pose) -> Self {
         Self { semi_axes: self.semi_axes, base_from_object: motion * self.base_from_object }
     }
