@@ -15,6 +15,16 @@ pub enum DeclaredSymmetry {
     Mirror,
 }
 
+/// The directions of the axes of METHOD_PAPER's template.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Axes {
+    /// Those of the session's frame, as the printed formula has it: for objects that stand upright in it.
+    #[default]
+    Frame,
+    /// Fitted too: for objects that stand askew.
+    Free,
+}
+
 /// How the next contact is chosen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Strategy {
@@ -30,6 +40,25 @@ pub enum Strategy {
     /// The touch that is expected to teach the most, if it meets anything. Needs a method that
     /// states deviations: [`Method::Palpate`].
     ExpectedGain,
+}
+
+impl Method {
+    /// The strategy of a session that asks for none.
+    pub fn own_strategy(self) -> Strategy {
+        match self {
+            Self::Paper | Self::Palpate => Strategy::Proactive,
+            Self::Gpis => Strategy::MinUncertainty,
+        }
+    }
+
+    /// The stop rule of a session that asks for none. What METHOD_GPIS calls uncertainty falls everywhere
+    /// with every touch, so it says nothing of coverage.
+    pub fn own_stop_rule(self) -> StopRule {
+        match self {
+            Self::Paper | Self::Palpate => StopRule::default(),
+            Self::Gpis => StopRule { mean_uncertainty_below: None, ..StopRule::default() },
+        }
+    }
 }
 
 impl Strategy {
@@ -111,7 +140,7 @@ pub struct StopRule {
     /// Mean vertex uncertainty in [0, 1] below which the object counts as covered.
     pub mean_uncertainty_below: Option<f64>,
     /// Failures in a row after which the exploration counts as stalled; `None` for the method's own:
-    /// 50 in [`Method::Palpate`], never in [`Method::Paper`].
+    /// 50 in [`Method::Palpate`], never in the others.
     pub max_consecutive_failures: Option<u32>,
 }
 
@@ -134,8 +163,8 @@ pub struct Settings {
     pub strategy: Strategy,
     /// Weight of the mean geodesic distance, `a_G` of Eq. (3).
     pub alpha_geodesic: f64,
-    /// Weight of the vertex uncertainty, `a_U` of Eq. (3); `None` for the method's own: 1 in the paper,
-    /// 2 otherwise.
+    /// Weight of the vertex uncertainty, `a_U` of Eq. (3); `None` for the method's own: 2 in
+    /// METHOD_PALPATE, 1 in the others.
     pub alpha_uncertainty: Option<f64>,
     /// Weight of the path from the tool to where an approach starts, as a share of the object's size.
     pub alpha_travel: f64,
@@ -161,9 +190,11 @@ pub struct Settings {
     pub seed: u64,
     /// When to stop.
     pub stop: StopRule,
-    /// A symmetry that the caller vouches for; the paper's method has no use for one.
+    /// A symmetry that the caller vouches for; only [`Method::Palpate`] has a use for one.
     pub symmetry: Option<DeclaredSymmetry>,
-    /// Which ideas of [`Method::Palpate`] are in use; the paper's method has none of them.
+    /// Whether the axes of [`Method::Paper`]'s template may turn.
+    pub template_axes: Axes,
+    /// Which ideas of [`Method::Palpate`] are in use; the others have none of them.
     pub stages: Stages,
 }
 
@@ -187,6 +218,7 @@ impl Default for Settings {
             seed: 0,
             stop: StopRule::default(),
             symmetry: None,
+            template_axes: Axes::Frame,
             stages: Stages::default(),
         }
     }
@@ -239,6 +271,10 @@ impl Config {
         if !method.uses_symmetry() && settings.symmetry.is_some() {
             let reason = format!("{} has no use for it: leave it unspecified", method.name());
             return Err(FieldError::invalid("symmetry", reason));
+        }
+        if !method.has_choice_of_axes() && settings.template_axes != Axes::default() {
+            let reason = format!("{} turns its axes always: leave it unspecified", method.name());
+            return Err(FieldError::invalid("template_axes", reason));
         }
         if !method.has_stages() && settings.stages != Stages::default() {
             let reason = format!("{} has none of them: leave all of them on", method.name());
@@ -324,7 +360,12 @@ mod tests {
         );
         let stages = Stages { parts: false, ..Stages::default() };
         assert_eq!(field(Settings { stages, ..paper.clone() }), Some("stages"));
-        assert_eq!(field(Settings { alpha_travel: 0.5, ..paper }), None);
+        assert_eq!(field(Settings { alpha_travel: 0.5, ..paper.clone() }), None);
+        assert_eq!(field(Settings { template_axes: Axes::Free, ..paper }), None);
+        assert_eq!(
+            field(Settings { template_axes: Axes::Free, ..Settings::default() }),
+            Some("template_axes")
+        );
         for strategy in [Strategy::MinUncertainty, Strategy::Uniform, Strategy::Random] {
             let baseline = Settings { strategy, ..Settings::default() };
             assert_eq!(field(Settings { alpha_travel: 0.5, ..baseline.clone() }), Some("alpha_travel"));

@@ -19,6 +19,7 @@ pub use attempt::{Attempt, Contact, ContactDetail, Outcome, Sweep, Target, Wrenc
 pub use check::MAX_COORDINATE_M;
 pub(crate) use check::{check_direction, check_point};
 pub(crate) use fit_evidence::FitEvidence;
+pub(crate) use thinning::thin_visual;
 pub use visual_prior::VisualPrior;
 pub(crate) use work_frame::WorkFrame;
 

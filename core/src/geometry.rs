@@ -2,6 +2,7 @@
 //!
 //! Points and vectors are `f64`, in metres, in the session's frame unless a name says otherwise.
 
+mod connectivity;
 mod geodesic;
 mod icosphere;
 mod mesh;
@@ -10,6 +11,7 @@ mod sampling;
 mod surface_index;
 mod surface_point;
 
+pub use connectivity::Connectivity;
 pub use geodesic::Geodesics;
 pub use icosphere::{Icosphere, MAX_SUBDIVISIONS};
 pub use mesh::TriangleMesh;

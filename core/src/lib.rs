@@ -17,6 +17,7 @@ pub mod evidence;
 pub mod exploration;
 mod fingerprint;
 pub mod geometry;
+mod implicit;
 pub mod local;
 pub mod method;
 pub mod metrics;

@@ -2,20 +2,23 @@
 //!
 //! The state is a fold over the evidence and nothing else: the same evidence in the same order
 //! gives the same bits. What lies between evidence and surface is one page for each method,
-//! [`paper`] and [`palpate`]; both are made of the stages that the other modules hold.
+//! [`paper`], [`palpate`] and [`gpis`]; they are made of the stages that the other modules hold.
 
+mod gpis;
 mod palpate;
 mod paper;
 mod summary;
 
 pub use summary::{Stats, StopReason};
 
+use std::sync::Arc;
+
 use crate::config::{Config, Method};
 use crate::error::Error;
 use crate::evidence::ledger::Ledger;
 use crate::evidence::{Evidence, WorkFrame};
 use crate::exploration::{self, Deviations, Proposal, ProposalRequest, Situation};
-use crate::geometry::{Direction, Icosphere, Point, TriangleMesh};
+use crate::geometry::{Connectivity, Direction, Icosphere, Point, SurfaceIndex, TriangleMesh};
 use crate::local::Raised;
 use crate::template::{EllipsoidFit, SelectedFit};
 use crate::uncertainty::Reach;
@@ -38,6 +41,7 @@ pub struct Reconstruction {
 pub struct Estimate {
     surface: Surface,
     normals: Vec<Direction>,
+    connectivity: Arc<Connectivity>,
     reach: Reach,
     detail: Detail,
 }
@@ -46,6 +50,7 @@ pub struct Estimate {
 #[derive(Clone, Debug)]
 enum Detail {
     Paper(PaperDetail),
+    Gpis(GpisDetail),
     Palpate(Box<PalpateDetail>),
 }
 
@@ -54,6 +59,15 @@ enum Detail {
 struct PaperDetail {
     template: EllipsoidFit,
     /// Root mean square of what the surface leaves of the attractors' heights, in metres.
+    residual_m: f64,
+}
+
+/// How the stages of METHOD_GPIS went.
+#[derive(Clone, Debug)]
+struct GpisDetail {
+    /// A point inside, in metres.
+    centre: Point,
+    /// Root mean square distance of the attractors from the surface, in metres.
     residual_m: f64,
 }
 
@@ -118,8 +132,7 @@ impl Reconstruction {
         let mut max_vertex_move_m = 0.0;
         if entry.changes_estimate {
             let estimate = next.estimate();
-            max_vertex_move_m =
-                self.estimate.as_ref().map_or(0.0, |before| estimate.farthest_move_m(before, self.sphere()));
+            max_vertex_move_m = self.estimate.as_ref().map_or(0.0, |before| estimate.farthest_move_m(before));
             next.estimate = Some(estimate);
         }
         let update = Update {
@@ -135,7 +148,8 @@ impl Reconstruction {
         let (ledger, config, sphere) = (&self.ledger, &self.config, self.sphere());
         let before = self.estimate.as_ref().map(|estimate| &estimate.detail);
         match config.method {
-            Method::Paper => paper::estimate(ledger, before.and_then(Detail::paper), config, sphere),
+            Method::Paper => paper::estimate(ledger, config, sphere),
+            Method::Gpis => gpis::estimate(ledger, config),
             Method::Palpate => palpate::estimate(ledger, before.and_then(Detail::palpate), config, sphere),
         }
     }
@@ -156,7 +170,7 @@ impl Reconstruction {
         self.estimate.as_ref().map(|estimate| Situation {
             config: &self.config,
             ledger: &self.ledger,
-            sphere: self.sphere(),
+            connectivity: &estimate.connectivity,
             mesh: &estimate.surface.mesh,
             normals: &estimate.normals,
             uncertainty: &estimate.surface.uncertainty,
@@ -205,30 +219,24 @@ impl Reconstruction {
 }
 
 impl Detail {
-    fn paper(&self) -> Option<&PaperDetail> {
-        match self {
-            Self::Paper(detail) => Some(detail),
-            Self::Palpate(_) => None,
-        }
-    }
-
     fn palpate(&self) -> Option<&PalpateDetail> {
         match self {
             Self::Palpate(detail) => Some(detail),
-            Self::Paper(_) => None,
+            Self::Paper(_) | Self::Gpis(_) => None,
         }
     }
 }
 
 impl Estimate {
-    fn new(surface: Surface, reach: Reach, detail: Detail) -> Self {
-        Self { normals: surface.mesh.vertex_normals(), surface, reach, detail }
+    fn new(surface: Surface, reach: Reach, detail: Detail, connectivity: Arc<Connectivity>) -> Self {
+        Self { normals: surface.mesh.vertex_normals(), surface, connectivity, reach, detail }
     }
 
     /// The centre of the template's body, in metres.
     fn template_centre(&self) -> Point {
         match &self.detail {
             Detail::Paper(detail) => detail.template.shape.centre,
+            Detail::Gpis(detail) => detail.centre,
             Detail::Palpate(detail) => detail.template.shape.body.centre,
         }
     }
@@ -237,6 +245,7 @@ impl Estimate {
     pub fn template_family(&self) -> &'static str {
         match &self.detail {
             Detail::Paper(_) => "ellipsoid",
+            Detail::Gpis(_) => "implicit surface",
             Detail::Palpate(detail) => detail.template.shape.family(),
         }
     }
@@ -244,7 +253,7 @@ impl Estimate {
     /// Whether the template grew to the bound of its size.
     pub fn has_diverged(&self) -> bool {
         match &self.detail {
-            Detail::Paper(detail) => detail.template.diverged,
+            Detail::Paper(_) | Detail::Gpis(_) => false,
             Detail::Palpate(detail) => detail.template.diverged,
         }
     }
@@ -254,13 +263,14 @@ impl Estimate {
     pub fn residual_m(&self) -> f64 {
         match &self.detail {
             Detail::Paper(detail) => detail.residual_m,
+            Detail::Gpis(detail) => detail.residual_m,
             Detail::Palpate(detail) => detail.raised.residual_m,
         }
     }
 
     fn deviations(&self) -> Option<Deviations<'_>> {
         match &self.detail {
-            Detail::Paper(_) => None,
+            Detail::Paper(_) | Detail::Gpis(_) => None,
             Detail::Palpate(detail) => Some(Deviations {
                 std_m: &detail.raised.std_m,
                 template_std_m: &detail.template_std_m,
@@ -270,25 +280,37 @@ impl Estimate {
     }
 
     /// The farthest that this surface lies from another along its normals, in metres.
+    fn farthest_move_m(&self, before: &Self) -> f64 {
+        if Arc::ptr_eq(&self.connectivity, &before.connectivity) {
+            self.farthest_move_of_vertices_m(before)
+        } else {
+            let old = SurfaceIndex::new(&before.surface.mesh);
+            let distances = self
+                .surface
+                .mesh
+                .vertices
+                .iter()
+                .filter_map(|vertex| Some(old.as_ref()?.closest(vertex).distance_m));
+            distances.fold(0.0, f64::max)
+        }
+    }
+
+    /// The same where both surfaces have the same faces.
     ///
     /// A fit may renumber the vertices, so each looks for its nearest one before, starting from
     /// the one with its number.
-    fn farthest_move_m(&self, before: &Self, sphere: &Icosphere) -> f64 {
+    fn farthest_move_of_vertices_m(&self, before: &Self) -> f64 {
         let old = &before.surface.mesh.vertices;
         let mut farthest = 0.0_f64;
         for (start, vertex) in self.surface.mesh.vertices.iter().enumerate() {
+            let square = |at: usize| (old[at] - vertex).norm_squared();
             let mut nearest = start;
-            while let Some(&nearer) = sphere
+            while let Some(&nearer) = self
+                .connectivity
                 .neighbours(nearest)
                 .iter()
-                .filter(|&&next| {
-                    (old[next as usize] - vertex).norm_squared() < (old[nearest] - vertex).norm_squared()
-                })
-                .min_by(|&&a, &&b| {
-                    (old[a as usize] - vertex)
-                        .norm_squared()
-                        .total_cmp(&(old[b as usize] - vertex).norm_squared())
-                })
+                .filter(|&&next| square(next as usize) < square(nearest))
+                .min_by(|&&a, &&b| square(a as usize).total_cmp(&square(b as usize)))
             {
                 nearest = nearer as usize;
             }

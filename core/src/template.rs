@@ -7,6 +7,7 @@
 //! evidence supports: the template selection that the paper leaves to the future. Either becomes a
 //! [`TemplateSurface`], on which the local stage works.
 
+mod adam;
 mod compound;
 mod covariance;
 mod distances;

@@ -13,16 +13,21 @@ pub use reach::{Reach, scaled_hops};
 pub(crate) use symmetric::lowered_by_symmetry;
 
 use crate::evidence::attractor::Attractor;
-use crate::geometry::{Icosphere, Point, Ring};
+use crate::geometry::{Connectivity, Point, Ring};
 
 /// The uncertainty of every vertex, in [0, 1]; always computed afresh from all attractors.
-pub fn propagate(sphere: &Icosphere, vertices: &[Point], attractors: &[Attractor], reach: Reach) -> Vec<f64> {
+pub fn propagate(
+    connectivity: &Connectivity,
+    vertices: &[Point],
+    attractors: &[Attractor],
+    reach: Reach,
+) -> Vec<f64> {
     let hops = scaled_hops(reach.hops, vertices.len());
     let mut uncertainty = vec![1.0_f64; vertices.len()];
     let mut ring = Ring::new(vertices.len());
     for attractor in attractors {
         let Some(nearest) = nearest_vertex(vertices, &attractor.point) else { continue };
-        for &vertex in ring.around(sphere, nearest, hops) {
+        for &vertex in ring.around(connectivity, nearest, hops) {
             let distance_m = (vertices[vertex as usize] - attractor.point).norm();
             let u = reach.spread(attractor.uncertainty, distance_m);
             let least = &mut uncertainty[vertex as usize];
@@ -48,6 +53,7 @@ pub fn nearest_vertex(vertices: &[Point], point: &Point) -> Option<u32> {
 mod tests {
     use super::*;
     use crate::evidence::attractor::Sense;
+    use crate::geometry::Icosphere;
     use proptest::prelude::*;
 
     const REACH: Reach = Reach { hops: 5, length_m: 0.02 };
@@ -64,7 +70,7 @@ mod tests {
     fn confidence_halves_at_one_length_and_ends_at_the_ring() {
         let vertices = sphere_vertices(0.05);
         let at = attractor(vertices[0], 0.0);
-        let u = propagate(Icosphere::get(4), &vertices, &[at], REACH);
+        let u = propagate(&Icosphere::get(4).connectivity, &vertices, &[at], REACH);
         assert_eq!(u[0], 0.0);
         for (vertex, u) in vertices.iter().zip(&u).filter(|(_, u)| **u < 1.0) {
             let t = (vertex - vertices[0]).norm() / 0.02;
@@ -99,10 +105,10 @@ mod tests {
                     attractor(vertices[vertex] + vertices[vertex].coords.normalize() * height, u)
                 })
                 .collect();
-            let sphere = Icosphere::get(4);
+            let connectivity = &Icosphere::get(4).connectivity;
             let mut before = vec![1.0; vertices.len()];
             for count in 1..=attractors.len() {
-                let after = propagate(sphere, &vertices, &attractors[..count], REACH);
+                let after = propagate(connectivity, &vertices, &attractors[..count], REACH);
                 for (before, after) in before.iter().zip(&after) {
                     prop_assert!((0.0..=1.0).contains(after) && after <= before);
                 }

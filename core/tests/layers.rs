@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// From the ground up: a room may use those above it in this list, and nothing below.
-const FLOORS: [&str; 15] = [
+const FLOORS: [&str; 16] = [
     "error",
     "geometry",
     "fingerprint",
@@ -18,6 +18,7 @@ const FLOORS: [&str; 15] = [
     "symmetry",
     "template",
     "local",
+    "implicit",
     "uncertainty",
     "exploration",
     "reconstruction",

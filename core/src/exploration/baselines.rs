@@ -1,9 +1,10 @@
 //! What the proactive strategy is compared with: the paper's own baseline and the two that the
-//! literature uses. None of them avoids a place that has failed.
+//! literature uses. None of them avoids a place that has failed, but for the first in METHOD_GPIS.
 
 use rand::RngExt;
 use rand::seq::SliceRandom;
 
+use super::failures;
 use super::proposal::{Excluded, ScoreTerm};
 use super::ranking::{Ranked, Ranking};
 use super::rng::{Use, generator};
@@ -13,14 +14,19 @@ use crate::geometry::Vector;
 
 /// The vertex of the highest uncertainty; ties by the seeded generator (Section IV-B, minU).
 pub(super) fn min_uncertainty(situation: &Situation<'_>, reachable: &[u32]) -> Ranking<'static> {
-    let mut order = reachable.to_vec();
+    let (mut order, recently_failed) = if situation.config.method.baseline_leaves_out_failures() {
+        failures::leave_out_taboo(situation, reachable)
+    } else {
+        (reachable.to_vec(), 0)
+    };
     order.shuffle(&mut generator(situation.config.seed, Use::Ties, situation.ledger.tallies.attempts));
-    by_value(
+    let ranking = by_value(
         order,
         "uncertainty",
         |vertex| situation.uncertainty[vertex as usize],
         |value| format!("uncertainty {value:.2}, the highest of the surface"),
-    )
+    );
+    Ranking { excluded: Excluded { recently_failed, ..ranking.excluded }, ..ranking }
 }
 
 /// Evenly spread directions from the template's centre, fixed before the first touch.

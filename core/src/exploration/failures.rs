@@ -1,15 +1,13 @@
 //! What has failed is left alone for a while, and its surroundings attract less.
 //!
-//! A failed candidate is taboo until three later contacts have succeeded: the estimate has hardly
-//! changed, and the same choice would fail for ever.
+//! A failed candidate is taboo, in METHOD_PALPATE until three later contacts have succeeded: the estimate
+//! has hardly changed, and the same choice would fail for ever.
 
 use super::proposal::ScoreTerm;
 use super::situation::Situation;
 
 /// Candidates this close to a failed one are taboo, in metres.
 const TABOO_RADIUS_M: f64 = 0.010;
-/// They are until this many later contacts have succeeded.
-const TABOO_CONTACTS: u32 = 3;
 /// A failure makes its surroundings less attractive over this distance, in metres.
 const FAILURE_RADIUS_M: f64 = 0.035;
 /// Half of it is forgotten after this many contacts: the estimate has changed by then, and an end
@@ -20,8 +18,10 @@ const HALF_LIFE_CONTACTS: f64 = 10.0;
 pub(super) fn is_taboo(situation: &Situation<'_>, vertex: u32) -> bool {
     let point = &situation.mesh.vertices[vertex as usize];
     let contacts = situation.ledger.tallies.contacts;
+    let until = situation.config.method.taboo_contacts();
     situation.ledger.failures.iter().any(|failure| {
-        contacts < failure.contacts_before + TABOO_CONTACTS && (failure.point - point).norm() < TABOO_RADIUS_M
+        until.is_none_or(|until| contacts < failure.contacts_before + until)
+            && (failure.point - point).norm() < TABOO_RADIUS_M
     })
 }
 

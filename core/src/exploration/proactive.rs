@@ -189,14 +189,14 @@ impl<'a> Frontier<'a> {
             situation: *situation,
             hops: scaled_hops(situation.reach.hops, count),
             ring: Ring::new(count),
-            geodesics: Geodesics::new(situation.sphere, &situation.mesh.vertices),
+            geodesics: Geodesics::new(situation.connectivity, &situation.mesh.vertices),
             paths_m: Vec::new(),
         }
     }
 
     /// Mean geodesic distance from a vertex to the confident vertices of its ring, in metres.
     pub(super) fn mean_geodesic_m(&mut self, vertex: u32) -> Option<f64> {
-        self.ring.around(self.situation.sphere, vertex, self.hops);
+        self.ring.around(self.situation.connectivity, vertex, self.hops);
         self.geodesics.spread(vertex, &self.ring);
         let others = self.ring.vertices()[1..].iter();
         mean(
@@ -208,7 +208,7 @@ impl<'a> Frontier<'a> {
 
     /// The same along edges, from hop to hop: quickly found, and never shorter.
     fn mean_edge_path_m(&mut self, vertex: u32) -> Option<f64> {
-        self.ring.around(self.situation.sphere, vertex, self.hops);
+        self.ring.around(self.situation.connectivity, vertex, self.hops);
         self.paths_m.clear();
         let at = |vertex: u32| &self.situation.mesh.vertices[vertex as usize];
         for (&other, &parent) in self.ring.vertices().iter().zip(self.ring.parents()) {

@@ -2,7 +2,7 @@
 
 use crate::config::Config;
 use crate::evidence::ledger::Ledger;
-use crate::geometry::{Direction, Icosphere, Point, TriangleMesh};
+use crate::geometry::{Connectivity, Direction, Point, TriangleMesh};
 use crate::local::VertexProcess;
 use crate::uncertainty::Reach;
 
@@ -13,8 +13,8 @@ pub struct Situation<'a> {
     pub config: &'a Config,
     /// The evidence so far.
     pub ledger: &'a Ledger,
-    /// The sphere whose faces the mesh has.
-    pub sphere: &'static Icosphere,
+    /// What of the mesh lies next to each other.
+    pub connectivity: &'a Connectivity,
     /// The estimate.
     pub mesh: &'a TriangleMesh,
     /// Its vertex normals.
@@ -46,13 +46,13 @@ impl<'a> Situation<'a> {
     pub(super) fn plain(
         config: &'a Config,
         ledger: &'a Ledger,
-        sphere: &'static Icosphere,
+        sphere: &'static crate::geometry::Icosphere,
         mesh: &'a TriangleMesh,
     ) -> Self {
         Situation {
             config,
             ledger,
-            sphere,
+            connectivity: &sphere.connectivity,
             mesh,
             normals: &sphere.directions,
             uncertainty: vec![0.5; mesh.vertices.len()].leak(),
@@ -76,6 +76,6 @@ impl Situation<'_> {
     }
 
     pub(super) fn has_confident_neighbour(&self, vertex: u32) -> bool {
-        self.sphere.neighbours(vertex as usize).iter().any(|&next| self.is_confident(next))
+        self.connectivity.neighbours(vertex as usize).iter().any(|&next| self.is_confident(next))
     }
 }

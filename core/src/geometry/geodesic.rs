@@ -8,12 +8,12 @@
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-use super::{Icosphere, Point, Ring};
+use super::{Connectivity, Point, Ring};
 
 /// A search for geodesics over one mesh, reusable from many sources.
 #[derive(Debug)]
 pub struct Geodesics<'a> {
-    sphere: &'a Icosphere,
+    connectivity: &'a Connectivity,
     corners: Vec<[Corner; 3]>,
     distance_m: Vec<f64>,
     front: BinaryHeap<Front>,
@@ -34,15 +34,15 @@ struct Corner {
 }
 
 impl<'a> Geodesics<'a> {
-    /// A search over the icosphere's faces with the given vertex positions, in metres.
-    pub fn new(sphere: &'a Icosphere, vertices: &[Point]) -> Self {
+    /// A search over a mesh's faces with the given vertex positions, in metres.
+    pub fn new(connectivity: &'a Connectivity, vertices: &[Point]) -> Self {
         let lay_out = |&[a, b, c]: &[u32; 3]| {
             [(a, b, c), (b, c, a), (c, a, b)]
                 .map(|(corner, first, second)| Corner::new(vertices, corner, first, second))
         };
         Self {
-            sphere,
-            corners: sphere.faces.iter().map(lay_out).collect(),
+            connectivity,
+            corners: connectivity.faces.iter().map(lay_out).collect(),
             distance_m: vec![f64::INFINITY; vertices.len()],
             front: BinaryHeap::new(),
         }
@@ -60,7 +60,7 @@ impl<'a> Geodesics<'a> {
             if distance_m > self.distance_m[vertex as usize] {
                 continue;
             }
-            for &face in self.sphere.faces_at(vertex as usize) {
+            for &face in self.connectivity.faces_at(vertex as usize) {
                 for corner in self.corners[face as usize] {
                     if corner.vertex != vertex && ring.reached(corner.vertex) {
                         self.relax(&corner, ring, distance_m);
@@ -150,14 +150,15 @@ impl PartialOrd for Front {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::Icosphere;
 
     fn distances(subdivisions: usize, source: u32, map: impl Fn(&Point) -> Point) -> (Vec<Point>, Vec<f64>) {
         let sphere = Icosphere::get(subdivisions);
         let vertices: Vec<Point> =
             sphere.directions.iter().map(|d| map(&Point::from(d.into_inner()))).collect();
         let mut ring = Ring::new(vertices.len());
-        ring.around(sphere, source, 1000);
-        let mut geodesics = Geodesics::new(sphere, &vertices);
+        ring.around(&sphere.connectivity, source, 1000);
+        let mut geodesics = Geodesics::new(&sphere.connectivity, &vertices);
         geodesics.spread(source, &ring);
         let found = (0..vertices.len() as u32).map(|v| geodesics.to(v)).collect();
         (vertices, found)

@@ -4,9 +4,9 @@
 //! from the one before it by positions alone.
 
 use std::collections::HashMap;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
-use super::{Direction, Point, TriangleMesh, Vector};
+use super::{Connectivity, Direction, Point, TriangleMesh, Vector};
 
 /// The finest sphere offered: 40,962 vertices.
 pub const MAX_SUBDIVISIONS: usize = 6;
@@ -16,10 +16,8 @@ pub const MAX_SUBDIVISIONS: usize = 6;
 pub struct Icosphere {
     /// Unit directions of the vertices.
     pub directions: Vec<Direction>,
-    /// Three vertex indices a face, counter-clockwise seen from outside.
-    pub faces: Vec<[u32; 3]>,
-    neighbours: Vec<Vec<u32>>,
-    faces_at: Vec<Vec<u32>>,
+    /// Its faces, shared by every mesh that is mapped from it.
+    pub connectivity: Arc<Connectivity>,
 }
 
 impl Icosphere {
@@ -35,17 +33,10 @@ impl Icosphere {
 
     /// Maps every vertex direction to a point and keeps the faces.
     pub fn mesh_of(&self, map: impl FnMut(&Direction) -> Point) -> TriangleMesh {
-        TriangleMesh { vertices: self.directions.iter().map(map).collect(), faces: self.faces.clone() }
-    }
-
-    /// The vertices that share an edge with `vertex`.
-    pub fn neighbours(&self, vertex: usize) -> &[u32] {
-        &self.neighbours[vertex]
-    }
-
-    /// The faces that have `vertex` as a corner.
-    pub fn faces_at(&self, vertex: usize) -> &[u32] {
-        &self.faces_at[vertex]
+        TriangleMesh {
+            vertices: self.directions.iter().map(map).collect(),
+            faces: self.connectivity.faces.clone(),
+        }
     }
 
     fn subdivide(subdivisions: usize) -> Self {
@@ -67,16 +58,8 @@ impl Icosphere {
                 })
                 .collect();
         }
-        let mut neighbours = vec![Vec::new(); directions.len()];
-        let mut faces_at = vec![Vec::new(); directions.len()];
-        for (face, &[a, b, c]) in faces.iter().enumerate() {
-            // Each edge is shared by two faces that walk it in opposite directions.
-            for (from, to) in [(a, b), (b, c), (c, a)] {
-                neighbours[from as usize].push(to);
-                faces_at[from as usize].push(face as u32);
-            }
-        }
-        Self { directions, faces, neighbours, faces_at }
+        let connectivity = Arc::new(Connectivity::new(faces, directions.len()));
+        Self { directions, connectivity }
     }
 }
 
@@ -116,8 +99,9 @@ mod tests {
             let sphere = Icosphere::get(subdivisions);
             let n = 4_usize.pow(subdivisions as u32);
             assert_eq!(sphere.directions.len(), 10 * n + 2);
-            assert_eq!(sphere.faces.len(), 20 * n);
-            let edges: usize = (0..sphere.directions.len()).map(|v| sphere.neighbours(v).len()).sum();
+            assert_eq!(sphere.connectivity.faces.len(), 20 * n);
+            let edges: usize =
+                (0..sphere.directions.len()).map(|v| sphere.connectivity.neighbours(v).len()).sum();
             assert_eq!(edges / 2, 30 * n);
         }
     }

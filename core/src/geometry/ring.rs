@@ -1,6 +1,6 @@
 //! The vertices around a vertex, ring by ring of edges.
 
-use super::Icosphere;
+use super::Connectivity;
 
 /// The vertices within a number of edges of another; reusable, so that a search costs its ring.
 #[derive(Clone, Debug)]
@@ -18,7 +18,7 @@ impl Ring {
     }
 
     /// All vertices at most `hops` edges from `centre`, itself first.
-    pub fn around(&mut self, sphere: &Icosphere, centre: u32, hops: usize) -> &[u32] {
+    pub fn around(&mut self, connectivity: &Connectivity, centre: u32, hops: usize) -> &[u32] {
         self.search += 1;
         self.seen[centre as usize] = self.search;
         self.vertices.clear();
@@ -29,7 +29,7 @@ impl Ring {
         for _ in 0..hops {
             let to = self.vertices.len();
             for inner in from..to {
-                for &outer in sphere.neighbours(self.vertices[inner] as usize) {
+                for &outer in connectivity.neighbours(self.vertices[inner] as usize) {
                     if self.seen[outer as usize] != self.search {
                         self.seen[outer as usize] = self.search;
                         self.vertices.push(outer);

@@ -32,7 +32,7 @@ pub(super) fn estimate(
 
     // Section III-F: uncertainty spreads from the attractors, then to what a revolution makes symmetric.
     let (attractors, reach) = (&evidence.attractors, Reach::of(config));
-    let mut uncertainty = uncertainty::propagate(sphere, &mesh.vertices, attractors, reach);
+    let mut uncertainty = uncertainty::propagate(&sphere.connectivity, &mesh.vertices, attractors, reach);
     if stages.symmetry_first {
         let symmetry = raised.process.symmetry();
         uncertainty = uncertainty::lowered_by_symmetry(uncertainty, &mesh, symmetry, attractors, reach);
@@ -41,5 +41,6 @@ pub(super) fn estimate(
     let template_std_m = template.deviations_m(&surface.mesh().vertices);
     let std_m = Some(raised.std_m.clone());
     let detail = PalpateDetail { number, template, template_std_m, raised };
-    Estimate::new(Surface { mesh, uncertainty, std_m }, reach, Detail::Palpate(Box::new(detail)))
+    let surface = Surface { mesh, uncertainty, std_m };
+    Estimate::new(surface, reach, Detail::Palpate(Box::new(detail)), sphere.connectivity.clone())
 }

@@ -8,19 +8,11 @@ use crate::local::thin_plate::ThinPlate;
 use crate::template::{TemplateSurface, ellipsoid};
 use crate::uncertainty::{self, Reach};
 
-pub(super) fn estimate(
-    ledger: &Ledger,
-    before: Option<&PaperDetail>,
-    config: &Config,
-    sphere: &'static Icosphere,
-) -> Estimate {
+pub(super) fn estimate(ledger: &Ledger, config: &Config, sphere: &'static Icosphere) -> Estimate {
     let (attractors, viewpoint) = (&ledger.attractors, ledger.viewpoint.as_ref());
 
     // Section III-D: the template guesses the whole from the part.
-    let template = match before {
-        Some(before) => ellipsoid::fit(attractors, viewpoint, &before.template.shape, true),
-        None => ellipsoid::fit(attractors, viewpoint, &ellipsoid::initial(attractors, viewpoint), false),
-    };
+    let template = ellipsoid::fit(attractors, viewpoint, config.template_axes);
     let surface = TemplateSurface::new(template.shape.mesh(sphere));
 
     // Section III-E: a thin plate over it meets the attractors, Eq. (2).
@@ -30,8 +22,13 @@ pub(super) fn estimate(
 
     // Section III-F: uncertainty spreads from the attractors.
     let reach = Reach::of(config);
-    let uncertainty = uncertainty::propagate(sphere, &mesh.vertices, attractors, reach);
+    let uncertainty = uncertainty::propagate(&sphere.connectivity, &mesh.vertices, attractors, reach);
 
     let detail = PaperDetail { template, residual_m: plate.residual_m() };
-    Estimate::new(Surface { mesh, uncertainty, std_m: None }, reach, Detail::Paper(detail))
+    Estimate::new(
+        Surface { mesh, uncertainty, std_m: None },
+        reach,
+        Detail::Paper(detail),
+        sphere.connectivity.clone(),
+    )
 }

@@ -1,6 +1,6 @@
 //! A session in a few numbers, whether it should go on, and its fingerprint.
 
-use super::{Detail, Estimate, PalpateDetail, PaperDetail, Reconstruction, Surface};
+use super::{Detail, Estimate, GpisDetail, PalpateDetail, PaperDetail, Reconstruction, Surface};
 use crate::fingerprint::Fingerprint;
 
 /// A session in a few numbers.
@@ -108,14 +108,26 @@ impl Reconstruction {
 
 impl Estimate {
     fn fingerprint(&self, fingerprint: &mut Fingerprint) {
-        // The normals follow from the mesh, and the reach from the configuration.
-        let Self { surface: Surface { mesh, uncertainty, std_m }, normals: _, reach: _, detail } = self;
+        // Normals and connectivity follow from the mesh, and the reach from the configuration.
+        let Self {
+            surface: Surface { mesh, uncertainty, std_m },
+            normals: _,
+            connectivity: _,
+            reach: _,
+            detail,
+        } = self;
         fingerprint.points(&mesh.vertices);
         fingerprint.numbers(uncertainty);
         fingerprint.numbers(std_m.as_deref().unwrap_or_default());
         match detail {
             Detail::Paper(PaperDetail { template, residual_m }) => {
                 template.shape.fingerprint(fingerprint);
+                fingerprint.number(*residual_m);
+            }
+            Detail::Gpis(GpisDetail { centre, residual_m }) => {
+                // Faces are made anew with every mesh.
+                mesh.faces.iter().flatten().for_each(|vertex| fingerprint.count(*vertex as usize));
+                fingerprint.vector(&centre.coords);
                 fingerprint.number(*residual_m);
             }
             Detail::Palpate(detail) => {

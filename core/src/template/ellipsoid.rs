@@ -1,25 +1,26 @@
-//! The ellipsoid template and its fit to the attractors.
+//! The ellipsoid template and its fit to the attractors (Section III-D).
 //!
-//! As printed, `y = (x - t) diag(s) R` makes `y yᵀ` independent of `R`. The rotation comes first
-//! here: `y = diag(1/a) Rᵀ (x - t)`, with semi-axes `a = exp(p)`. The "modest initialisation" of
-//! the paper is a permanent prior: without it, the side of a cylinder drives a semi-axis to
-//! nearly a metre.
+//! The paper's "modest initialisation" is early stopping: every fit starts afresh from a sphere as large
+//! as what was seen, and a gradient descent of a fixed number of steps leaves it too small rather than
+//! too large where little is known. As printed, `y = (x - t) diag(s) R` makes `y y^T` independent of
+//! `R`, so the axes are those of the session's frame; [`Axes::Free`] lets them turn.
 
 use nalgebra::{Rotation3, SVector};
 
-use super::least_squares::{NormalEquations, minimise};
-use super::patch_frame::{LOG_SIZE, PatchFrame, clamp_log_size, principal_axis};
+use super::adam::Adam;
+use super::patch_frame::{PatchFrame, principal_axis};
+use crate::config::Axes;
 use crate::evidence::attractor::{Attractor, Sense};
 use crate::fingerprint::Fingerprint;
 use crate::geometry::{Icosphere, Point, TriangleMesh, Vector};
 
-/// Strength of the prior on size; on position it is half of it. 0.3 diverges, 3 under-fits.
-const PRIOR_WEIGHT: f64 = 1.0;
-/// All visual points together weigh as much as this many touches at most. As printed, each point
-/// counts, and a camera with a finer grid outweighs the prior until the template diverges.
+/// Steps of the descent, each of about this size in the centre and in the logarithms of the semi-axes, in
+/// lengths of the patch.
+const STEPS: usize = 200;
+const RATE: f64 = 0.01;
+/// All visual points together weigh as much as this many touches at most: as printed each point counts,
+/// and a camera with a finer grid would outweigh the touches.
 const VISUAL_TOUCHES: f64 = 80.0;
-const FIRST_ITERATIONS: usize = 100;
-const WARM_ITERATIONS: usize = 30;
 
 /// An ellipsoid in the session's frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,10 +76,8 @@ impl Ellipsoid {
 pub struct EllipsoidFit {
     /// The ellipsoid.
     pub shape: Ellipsoid,
-    /// The minimised cost, `0.5 Σ r²` in normalised units.
-    pub cost: f64,
-    /// Whether a semi-axis ran into the bound of its size.
-    pub diverged: bool,
+    /// What is left of the loss, the weighted mean of `(|y|^2 - 1)^2`, without unit.
+    pub loss: f64,
 }
 
 /// The sphere that the first fit starts from, with axes taken from the data so that the fit moves
@@ -99,47 +98,37 @@ pub fn initial(attractors: &[Attractor], viewpoint: Option<&Point>) -> Ellipsoid
     }
 }
 
-/// Fits the ellipsoid to all attractors; `warm` marks a start that is already close.
-///
-/// Minimises `Σ (|y|² - 1)²` (Section III-D, with the rotation first) plus the prior
-/// `w log(a / L)` on size and `w/2 (t - t0)` on position, in units of the visual patch.
-pub fn fit(
-    attractors: &[Attractor],
-    viewpoint: Option<&Point>,
-    start: &Ellipsoid,
-    warm: bool,
-) -> EllipsoidFit {
+/// Fits the ellipsoid to all attractors: minimises the weighted mean of `(|y|^2 - 1)^2` with `y = diag(1/a)
+/// R^T (x - t)`, in lengths of the visual patch, by a descent that stops early.
+pub fn fit(attractors: &[Attractor], viewpoint: Option<&Point>, axes: Axes) -> EllipsoidFit {
     let frame = PatchFrame::of(attractors, viewpoint);
-    let visual_weight = (VISUAL_TOUCHES / frame.visual_points).sqrt().min(1.0);
+    let visual_weight = (VISUAL_TOUCHES / frame.visual_points).min(1.0);
     let points: Vec<(Vector, f64)> = attractors
         .iter()
-        .map(|a| {
-            let weight = if a.sense == Sense::Vision { visual_weight } else { 1.0 };
-            (frame.local(&a.point), weight)
-        })
+        .map(|a| (frame.local(&a.point), if a.sense == Sense::Vision { visual_weight } else { 1.0 }))
         .collect();
-    let parameters = Parameters {
-        centre: frame.local(&start.centre),
-        log_axes: start.semi_axes.map(|a| clamp_log_size((a / frame.length_m).ln())),
-        rotation: start.base_from_template,
+    let rotation = match axes {
+        Axes::Frame => Rotation3::identity(),
+        Axes::Free => initial(attractors, viewpoint).base_from_template,
     };
-    let iterations = if warm { WARM_ITERATIONS } else { FIRST_ITERATIONS };
-    let minimum = minimise(
-        parameters,
-        iterations,
-        |parameters| parameters.linearise(&points, &frame.centre),
-        Parameters::retract,
-    );
-    let found = minimum.parameters;
+    let mut at = Parameters { centre: frame.centre, log_axes: Vector::zeros(), rotation };
+    let mut adam = Adam::new(RATE);
+    for _ in 0..STEPS {
+        let (_, mut gradient) = at.loss(&points);
+        if axes == Axes::Frame {
+            gradient.fixed_rows_mut::<3>(6).fill(0.0);
+        }
+        at = at.moved(&adam.step(&gradient));
+    }
     let shape = Ellipsoid {
-        centre: frame.base(&found.centre),
-        semi_axes: found.log_axes.map(f64::exp) * frame.length_m,
-        base_from_template: found.rotation,
+        centre: frame.base(&at.centre),
+        semi_axes: at.log_axes.map(f64::exp) * frame.length_m,
+        base_from_template: at.rotation,
     };
-    EllipsoidFit { shape, cost: minimum.cost, diverged: found.log_axes.max() >= LOG_SIZE.1 }
+    EllipsoidFit { shape, loss: at.loss(&points).0 }
 }
 
-/// Centre and logarithmic semi-axes over the patch's length, and the axes.
+/// Centre and logarithmic semi-axes in lengths of the patch, and the directions of the axes.
 #[derive(Clone)]
 struct Parameters {
     centre: Vector,
@@ -148,37 +137,29 @@ struct Parameters {
 }
 
 impl Parameters {
-    /// Residuals and their analytic derivatives by centre, log semi-axes and a rotation applied
-    /// on the right, `R exp(δ)`.
-    fn linearise(&self, points: &[(Vector, f64)], prior_centre: &Vector) -> NormalEquations<9> {
+    /// The loss, and its gradient by centre, logarithmic semi-axes and a rotation applied on the right,
+    /// `R exp(delta)`.
+    fn loss(&self, points: &[(Vector, f64)]) -> (f64, SVector<f64, 9>) {
         let inverse_axes = self.log_axes.map(|p| (-p).exp());
-        let mut equations = NormalEquations::zero();
+        let (mut loss, mut gradient, mut total) = (0.0, SVector::zeros(), 0.0);
         for (point, weight) in points {
             let local = self.rotation.inverse_transform_vector(&(point - self.centre));
             let y = local.component_mul(&inverse_axes);
+            let residual = y.norm_squared() - 1.0;
             let slope = 2.0 * y.component_mul(&inverse_axes);
-            let by_centre = -(self.rotation * slope);
-            let by_log_axes = -2.0 * y.component_mul(&y);
-            let by_rotation = slope.cross(&local);
-            let row = stack(&by_centre, &by_log_axes, &by_rotation);
-            equations.add(weight * (y.norm_squared() - 1.0), &(row * *weight));
+            let row = stack(&-(self.rotation * slope), &(-2.0 * y.component_mul(&y)), &slope.cross(&local));
+            loss += weight * residual * residual;
+            gradient += row * (2.0 * weight * residual);
+            total += weight;
         }
-        for axis in 0..3 {
-            let mut row = SVector::zeros();
-            row[axis] = 0.5 * PRIOR_WEIGHT;
-            equations.add(0.5 * PRIOR_WEIGHT * (self.centre[axis] - prior_centre[axis]), &row);
-            let mut row = SVector::zeros();
-            row[3 + axis] = PRIOR_WEIGHT;
-            equations.add(PRIOR_WEIGHT * self.log_axes[axis], &row);
-        }
-        equations
+        (loss / total, gradient / total)
     }
 
-    fn retract(&self, step: &SVector<f64, 9>) -> Self {
+    fn moved(&self, step: &SVector<f64, 9>) -> Self {
         let part = |from: usize| Vector::new(step[from], step[from + 1], step[from + 2]);
         Self {
             centre: self.centre + part(0),
-            log_axes: (self.log_axes + part(3)).map(clamp_log_size),
+            log_axes: self.log_axes + part(3),
             rotation: self.rotation * Rotation3::new(part(6)),
         }
     }

@@ -5,7 +5,7 @@
 mod guarantees;
 mod object;
 
-use palpate_core::config::{Config, DeclaredSymmetry, Method, Settings, StopRule, Strategy};
+use palpate_core::config::{Axes, Config, DeclaredSymmetry, Method, Settings, StopRule, Strategy};
 use palpate_core::error::Error;
 use palpate_core::evidence::{
     Attempt, Contact, ContactDetail, Evidence, Outcome, Sweep, Target, VisualPrior, Wrench,
@@ -18,22 +18,24 @@ use crate::object::{METHODS, Object, best, explore, of};
 
 #[test]
 fn a_sphere_is_recovered_from_a_cap_and_thirty_touches() {
-    for method in METHODS {
+    for (method, most_m) in [(Method::Paper, 5e-4), (Method::Palpate, 2e-4), (Method::Gpis, 2e-3)] {
         let (_, state) = explore(&Object::sphere(), of(method), 30);
         let error_m = Object::sphere().mean_error_m(&state);
-        assert!(error_m < 2e-4, "{method:?}: {error_m}");
+        assert!(error_m < most_m, "{method:?}: {error_m}");
         let centre = state.template_centre().unwrap();
-        assert!((centre - Point::new(0.5, -0.1, 0.2)).norm() < 5e-4, "{method:?}: {centre}");
+        assert!((centre - Point::new(0.5, -0.1, 0.2)).norm() < 0.01, "{method:?}: {centre}");
     }
 }
 
 #[test]
 fn a_rotated_ellipsoid_is_recovered_from_a_cap_and_thirty_touches() {
     let object = Object::rotated_ellipsoid();
-    for method in METHODS {
-        let (_, state) = explore(&object, of(method), 30);
-        let error_m = object.mean_error_m(&state);
-        assert!(error_m < 4e-4, "{method:?}: {error_m}");
+    let free = Settings { template_axes: Axes::Free, ..of(Method::Paper) };
+    for (settings, most_m) in
+        [(of(Method::Paper), 1e-3), (free, 1e-3), (of(Method::Palpate), 4e-4), (of(Method::Gpis), 1e-3)]
+    {
+        let error_m = object.mean_error_m(&explore(&object, settings.clone(), 30).1);
+        assert!(error_m < most_m, "{:?} {:?}: {error_m}", settings.method, settings.template_axes);
     }
 }
 
@@ -184,8 +186,14 @@ fn a_touch_before_anything_was_seen_is_refused() {
 }
 
 #[test]
-fn a_place_that_failed_is_left_alone_until_three_contacts_succeeded() {
-    let (_, mut state) = explore(&Object::sphere(), of(Method::Paper), 0);
+fn a_place_that_failed_is_left_alone_until_three_contacts_succeeded_and_by_the_paper_s_method_for_good() {
+    assert_eq!(taboo_after_three_contacts(Method::Palpate), 0);
+    assert!(taboo_after_three_contacts(Method::Paper) > 0);
+}
+
+/// How many vertices are left out after a failure and three contacts.
+fn taboo_after_three_contacts(method: Method) -> u32 {
+    let (_, mut state) = explore(&Object::sphere(), of(method), 0);
     let miss = |candidate: &Candidate| {
         let sweep = Sweep::new(candidate.probe_start, candidate.probe_end, 0.0).unwrap();
         let target = Target::new(candidate.point, candidate.normal.into_inner()).unwrap();
@@ -201,7 +209,7 @@ fn a_place_that_failed_is_left_alone_until_three_contacts_succeeded() {
         let touch = Object::sphere().touch(&state.propose(&best()).candidates[0]);
         (state, _) = state.absorb(&touch).unwrap();
     }
-    assert_eq!(state.propose(&best()).excluded.recently_failed, 0);
+    state.propose(&best()).excluded.recently_failed
 }
 
 #[test]
@@ -261,7 +269,7 @@ fn a_miss_changes_the_estimate_and_the_paper_s_does_not() {
             Object { semi_axes: Vector::repeat(1e-3), base_from_object: Pose::translation(9.0, 9.0, 9.0) };
         let (next, _) = state.absorb(&aside.touch(&state.propose(&best()).candidates[0])).unwrap();
         let changed = next.surface() != state.surface();
-        assert_eq!(changed, method == Method::Palpate);
+        assert_eq!(changed, method != Method::Paper);
     }
 }
 

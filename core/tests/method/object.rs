@@ -15,7 +15,7 @@ pub(crate) struct Object {
     pub(crate) base_from_object: Pose,
 }
 
-pub(crate) const METHODS: [Method; 2] = [Method::Paper, Method::Palpate];
+pub(crate) const METHODS: [Method; 3] = [Method::Paper, Method::Palpate, Method::Gpis];
 
 /// The defaults of a method.
 pub(crate) fn of(method: Method) -> Settings {

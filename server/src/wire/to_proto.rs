@@ -1,7 +1,7 @@
 //! From values to messages.
 
 use nalgebra::{Rotation3, Translation3, UnitQuaternion};
-use palpate_core::config::{DeclaredSymmetry, Method, Settings, StopRule, Strategy};
+use palpate_core::config::{Axes, DeclaredSymmetry, Method, Settings, StopRule, Strategy};
 use palpate_core::evidence::Target;
 use palpate_core::exploration::{self, KeepOut, Region};
 use palpate_core::geometry::{Direction, Point, Pose, Vector};
@@ -87,6 +87,7 @@ pub(crate) fn session_config(definition: &Definition) -> v1::SessionConfig {
         seed,
         stop: StopRule { max_attempts, mean_uncertainty_below, max_consecutive_failures },
         symmetry: declared_symmetry,
+        template_axes,
         // A session always has them all.
         stages: _,
     } = **config;
@@ -115,6 +116,7 @@ pub(crate) fn session_config(definition: &Definition) -> v1::SessionConfig {
         }),
         symmetry: symmetry(declared_symmetry).into(),
         keep_out: keep_out.iter().map(region).collect(),
+        template_axes: axes(template_axes).into(),
     }
 }
 
@@ -134,6 +136,7 @@ fn method(method: Method) -> v1::Method {
     match method {
         Method::Paper => v1::Method::Paper,
         Method::Palpate => v1::Method::Palpate,
+        Method::Gpis => v1::Method::Gpis,
     }
 }
 
@@ -142,6 +145,14 @@ fn symmetry(symmetry: Option<DeclaredSymmetry>) -> v1::Symmetry {
         None => v1::Symmetry::Unspecified,
         Some(DeclaredSymmetry::Revolution) => v1::Symmetry::Revolution,
         Some(DeclaredSymmetry::Mirror) => v1::Symmetry::Mirror,
+    }
+}
+
+/// The frame's axes are the default, and the only choice of methods that refuse another.
+fn axes(axes: Axes) -> v1::TemplateAxes {
+    match axes {
+        Axes::Frame => v1::TemplateAxes::Unspecified,
+        Axes::Free => v1::TemplateAxes::Free,
     }
 }
 

@@ -18,7 +18,7 @@ mod work;
 
 use std::path::PathBuf;
 
-use palpate_client::proto::v1::{Method, Strategy, Symmetry};
+use palpate_client::proto::v1::{Method, Strategy, Symmetry, TemplateAxes};
 
 use self::folder::Folder;
 use self::journal::Journal;
@@ -66,8 +66,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "NAME", value_delimiter = ',', num_args = 1.., help_heading = "Objects")]
     objects: Vec<String>,
 
-    /// How contacts are chosen, separated by commas or blanks; expected_gain is left out for the paper's method, which
-    /// has none.
+    /// How contacts are chosen, separated by commas or blanks; expected_gain is left out but for palpate, as the
+    /// others have none.
     #[arg(long, value_parser = parser::<Strategy>(), value_name = "NAME", value_delimiter = ',', num_args = 1.., default_values = ["proactive", "min_uncertainty"])]
     strategies: Vec<Strategy>,
 
@@ -75,10 +75,14 @@ pub(crate) struct Args {
     #[arg(long, value_parser = parser::<Method>(), value_name = "NAME", value_delimiter = ',', num_args = 1.., default_values = ["paper", "palpate"])]
     methods: Vec<Method>,
 
-    /// What is known of every object's symmetry beforehand: declared to `palpate`, and left out for `paper`, which
-    /// refuses one.
+    /// What is known of every object's symmetry beforehand: declared to `palpate`, and left out for the
+    /// others, which refuse one.
     #[arg(long, value_parser = parser::<Symmetry>())]
     symmetry: Option<Symmetry>,
+
+    /// The axes of the ellipsoid of the method `paper`; left out for the others.
+    #[arg(long, value_parser = parser::<TemplateAxes>())]
+    template_axes: Option<TemplateAxes>,
 
     /// How many runs of each, with the seeds 1, 2, ...
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=1000))]

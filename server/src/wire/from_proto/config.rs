@@ -1,6 +1,6 @@
 //! The configuration of a session; what is not set takes the method's default.
 
-use palpate_core::config::{Config, DeclaredSymmetry, Method, Settings, StopRule, Strategy};
+use palpate_core::config::{Axes, Config, DeclaredSymmetry, Method, Settings, StopRule, Strategy};
 use palpate_proto::v1;
 
 use super::geometry::pose;
@@ -31,13 +31,15 @@ pub(super) fn config(config: &v1::SessionConfig, limits: &Limits) -> Result<(Con
         sensors: ref declared_sensors,
         stop: ref stop_rule,
         symmetry: declared_symmetry,
+        template_axes,
         // The session's definition keeps them: the method does not know them.
         keep_out: _,
     } = config;
     let default = Settings::default();
+    let method = method(wanted_method)?;
     let settings = Settings {
-        method: method(wanted_method)?,
-        strategy: strategy(wanted_strategy)?,
+        method,
+        strategy: strategy(wanted_strategy)?.unwrap_or(method.own_strategy()),
         alpha_geodesic: alpha_geodesic.unwrap_or(default.alpha_geodesic),
         alpha_uncertainty,
         alpha_travel: alpha_travel.unwrap_or(default.alpha_travel),
@@ -51,8 +53,9 @@ pub(super) fn config(config: &v1::SessionConfig, limits: &Limits) -> Result<(Con
         failure_distance_m: failure_distance_m.unwrap_or(default.failure_distance_m),
         icosphere_subdivisions: icosphere_subdivisions.unwrap_or(default.icosphere_subdivisions),
         seed: seed.unwrap_or(default.seed),
-        stop: stop_rule.as_ref().map_or(default.stop, stop),
+        stop: stop(stop_rule.as_ref(), method),
         symmetry: symmetry(declared_symmetry)?,
+        template_axes: axes(template_axes)?,
         stages: default.stages,
     };
     let config = Config::new(settings).map_err(|error| at("config", error))?;
@@ -64,24 +67,29 @@ fn method(value: i32) -> Result<Method, Error> {
         Ok(v1::Method::Unspecified) => Ok(Method::default()),
         Ok(v1::Method::Paper) => Ok(Method::Paper),
         Ok(v1::Method::Palpate) => Ok(Method::Palpate),
+        Ok(v1::Method::Gpis) => Ok(Method::Gpis),
         Err(_) => Err(Error::field("config.method", format!("{value} is no method"))),
     }
 }
 
-fn strategy(value: i32) -> Result<Strategy, Error> {
+/// Nothing for the method's own.
+fn strategy(value: i32) -> Result<Option<Strategy>, Error> {
     match v1::Strategy::try_from(value) {
-        Ok(v1::Strategy::Unspecified | v1::Strategy::Proactive) => Ok(Strategy::Proactive),
-        Ok(v1::Strategy::MinUncertainty) => Ok(Strategy::MinUncertainty),
-        Ok(v1::Strategy::Uniform) => Ok(Strategy::Uniform),
-        Ok(v1::Strategy::Random) => Ok(Strategy::Random),
-        Ok(v1::Strategy::ExpectedGain) => Ok(Strategy::ExpectedGain),
+        Ok(v1::Strategy::Unspecified) => Ok(None),
+        Ok(v1::Strategy::Proactive) => Ok(Some(Strategy::Proactive)),
+        Ok(v1::Strategy::MinUncertainty) => Ok(Some(Strategy::MinUncertainty)),
+        Ok(v1::Strategy::Uniform) => Ok(Some(Strategy::Uniform)),
+        Ok(v1::Strategy::Random) => Ok(Some(Strategy::Random)),
+        Ok(v1::Strategy::ExpectedGain) => Ok(Some(Strategy::ExpectedGain)),
         Err(_) => Err(Error::field("config.strategy", format!("{value} is no strategy"))),
     }
 }
 
-fn stop(rule: &v1::StopRule) -> StopRule {
-    let &v1::StopRule { max_attempts, mean_uncertainty_below, max_consecutive_failures } = rule;
-    let default = StopRule::default();
+fn stop(rule: Option<&v1::StopRule>, method: Method) -> StopRule {
+    let default = method.own_stop_rule();
+    let Some(&v1::StopRule { max_attempts, mean_uncertainty_below, max_consecutive_failures }) = rule else {
+        return default;
+    };
     // Zero switches a rule off.
     let unless_zero = |count: &u32| *count > 0;
     StopRule {
@@ -99,6 +107,14 @@ fn symmetry(value: i32) -> Result<Option<DeclaredSymmetry>, Error> {
         Ok(v1::Symmetry::Revolution) => Ok(Some(DeclaredSymmetry::Revolution)),
         Ok(v1::Symmetry::Mirror) => Ok(Some(DeclaredSymmetry::Mirror)),
         Err(_) => Err(Error::field("config.symmetry", format!("{value} is no symmetry"))),
+    }
+}
+
+fn axes(value: i32) -> Result<Axes, Error> {
+    match v1::TemplateAxes::try_from(value) {
+        Ok(v1::TemplateAxes::Unspecified | v1::TemplateAxes::Frame) => Ok(Axes::Frame),
+        Ok(v1::TemplateAxes::Free) => Ok(Axes::Free),
+        Err(_) => Err(Error::field("config.template_axes", format!("{value} is no choice of axes"))),
     }
 }
 

@@ -49,8 +49,10 @@ impl Task {
 /// Every method with every strategy that it has.
 pub(super) fn pairs(args: &Args) -> impl Iterator<Item = (Method, Strategy)> {
     let strategies = |&method| args.strategies.iter().map(move |&strategy| (method, strategy));
-    // METHOD_PAPER states no deviation that a gain could be expected from.
-    let exists = |pair: &(Method, Strategy)| *pair != (Method::Paper, Strategy::ExpectedGain);
+    // The others state no deviation that a gain could be expected from.
+    let exists = |&(method, strategy): &(Method, Strategy)| {
+        method == Method::Palpate || strategy != Strategy::ExpectedGain
+    };
     args.methods.iter().flat_map(strategies).filter(exists)
 }
 
@@ -58,6 +60,14 @@ pub(super) fn pairs(args: &Args) -> impl Iterator<Item = (Method, Strategy)> {
 pub(super) fn series(args: &Args) -> Vec<(String, String)> {
     let names = |(method, strategy)| (name_of(method).to_owned(), name_of(strategy).to_owned());
     pairs(args).map(names).collect()
+}
+
+/// Methods are compared after the same number of attempts, whatever is covered by then.
+fn explore_to_the_last_attempt(plan: &mut Plan) {
+    let rule = plan.session.config.as_mut().and_then(|config| config.stop.as_mut());
+    if let Some(rule) = rule {
+        rule.mean_uncertainty_below = Some(0.0);
+    }
 }
 
 /// All runs, object by object.
@@ -70,10 +80,12 @@ pub(super) fn tasks(objects: &[EvaluatedObject], args: &Args) -> Vec<Task> {
                     attempts: args.attempts,
                     strategy,
                     method: Some(method),
-                    symmetry: args.symmetry.filter(|_| method != Method::Paper),
+                    template_axes: args.template_axes.filter(|_| method == Method::Paper),
+                    symmetry: args.symmetry.filter(|_| method == Method::Palpate),
                     seed,
                 };
                 let mut plan = plan(&object.name, "evaluate", &session, &args.sensors);
+                explore_to_the_last_attempt(&mut plan);
                 plan.session.session_id = format!("run-{:04}", tasks.len() + 1);
                 let case = Case::new(&object.name, method, strategy, seed);
                 tasks.push(Task { case, object: object.clone(), plan });

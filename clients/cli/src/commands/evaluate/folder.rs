@@ -97,6 +97,7 @@ pub(super) fn arguments(args: &Args, objects: &[EvaluatedObject], algorithm_vers
         strategies: _,
         methods: _,
         symmetry,
+        template_axes,
         seeds,
         attempts,
         out: _,
@@ -106,7 +107,8 @@ pub(super) fn arguments(args: &Args, objects: &[EvaluatedObject], algorithm_vers
     } = args;
     let mut text = format!("algorithm: {algorithm_version}\nseeds: {seeds}\nattempts: {attempts}\n");
     let symmetry = symmetry.map_or("none", super::super::robot::name_of);
-    text.push_str(&format!("symmetry: {symmetry}\nsensors: {sensors:?}\n"));
+    let axes = template_axes.map_or("frame", super::super::robot::name_of);
+    text.push_str(&format!("symmetry: {symmetry}\ntemplate axes: {axes}\nsensors: {sensors:?}\n"));
     for (method, strategy) in series(args) {
         text.push_str(&format!("series: {method}, {strategy}\n"));
     }

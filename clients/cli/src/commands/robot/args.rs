@@ -3,7 +3,9 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use palpate_client::proto::v1::{CreateSessionRequest, Method, SessionConfig, StopRule, Strategy, Symmetry};
+use palpate_client::proto::v1::{
+    CreateSessionRequest, Method, SessionConfig, StopRule, Strategy, Symmetry, TemplateAxes,
+};
 use palpate_server::Limits;
 use palpate_simulator::body::Body;
 use palpate_simulator::camera::Camera;
@@ -62,9 +64,13 @@ pub(in crate::commands) struct SessionArgs {
     #[arg(long, value_parser = parser::<Method>())]
     pub(in crate::commands) method: Option<Method>,
 
-    /// What is known of the object's symmetry beforehand; the method `paper` refuses one.
+    /// What is known of the object's symmetry beforehand; only the method `palpate` takes one.
     #[arg(long, value_parser = parser::<Symmetry>())]
     pub(in crate::commands) symmetry: Option<Symmetry>,
+
+    /// The axes of the ellipsoid of the method `paper`, which alone takes this.
+    #[arg(long, value_parser = parser::<TemplateAxes>())]
+    pub(in crate::commands) template_axes: Option<TemplateAxes>,
 
     /// Decides the view, the offsets on the pad and all noise: the same seed gives the same run.
     #[arg(long, default_value_t = 1)]
@@ -74,19 +80,22 @@ pub(in crate::commands) struct SessionArgs {
 impl SessionArgs {
     /// Refuses what the method would refuse, in the words of the flags and before anything is explored.
     pub(in crate::commands) fn check(&self) -> Result<(), Failure> {
-        if self.method != Some(Method::Paper) {
+        if self.template_axes == Some(TemplateAxes::Free) && self.method != Some(Method::Paper) {
+            return Err(wrong_usage(
+                "--template-axes free needs --method paper: the others turn their axes always",
+            ));
+        }
+        if matches!(self.method, None | Some(Method::Unspecified | Method::Palpate)) {
             return Ok(());
         }
         if self.strategy == Strategy::ExpectedGain {
             return Err(wrong_usage(
-                "--strategy expected_gain needs --method palpate: the paper's method states no deviation that a \
-                 gain could be expected from",
+                "--strategy expected_gain needs --method palpate: the other methods state no deviation that a gain \
+                 could be expected from",
             ));
         }
         if self.symmetry.is_some() {
-            return Err(wrong_usage(
-                "--symmetry needs --method palpate: the paper's method knows no symmetry",
-            ));
+            return Err(wrong_usage("--symmetry needs --method palpate: the other methods know no symmetry"));
         }
         Ok(())
     }
@@ -174,6 +183,7 @@ pub(in crate::commands) fn plan(
                 method: session.method.unwrap_or_default().into(),
                 strategy: session.strategy.into(),
                 symmetry: session.symmetry.unwrap_or_default().into(),
+                template_axes: session.template_axes.unwrap_or_default().into(),
                 seed: Some(session.seed),
                 stop: Some(StopRule { max_attempts: Some(session.attempts), ..StopRule::default() }),
                 ..SessionConfig::default()
@@ -254,6 +264,7 @@ mod tests {
             strategy: Strategy::Proactive,
             method: Some(Method::Paper),
             symmetry: None,
+            template_axes: None,
             seed: 1,
         };
         session.check().unwrap();
@@ -261,6 +272,10 @@ mod tests {
         let refusal = gain.check().unwrap_err().to_string();
         assert!(refusal.contains("--strategy expected_gain needs --method palpate"), "{refusal}");
         SessionArgs { method: None, ..gain }.check().unwrap();
+        let askew = SessionArgs { template_axes: Some(TemplateAxes::Free), ..session.clone() };
+        askew.check().unwrap();
+        let refusal = SessionArgs { method: None, ..askew }.check().unwrap_err().to_string();
+        assert!(refusal.contains("--template-axes free needs --method paper"), "{refusal}");
         let mirrored = SessionArgs { symmetry: Some(Symmetry::Mirror), ..session };
         assert!(mirrored.check().unwrap_err().to_string().contains("--symmetry needs --method palpate"));
     }

@@ -4,7 +4,7 @@
 //! its word and its line of help here.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use palpate_client::proto::v1::{Method, Strategy, Symmetry};
+use palpate_client::proto::v1::{Method, Strategy, Symmetry, TemplateAxes};
 
 /// An enum of the contract whose values have a word on the command line.
 pub(in crate::commands) trait Typed: Copy + TryFrom<i32> + Send + Sync + 'static {
@@ -34,7 +34,18 @@ impl Typed for Method {
         match self {
             Self::Unspecified => None,
             Self::Paper => Some(("paper", "The paper's stages, faithful and comparable")),
-            Self::Palpate => Some(("palpate", "Palpate's own, where the server has it")),
+            Self::Palpate => Some(("palpate", "Palpate's own")),
+            Self::Gpis => Some(("gpis", "A Gaussian process implicit surface, for comparison")),
+        }
+    }
+}
+
+impl Typed for TemplateAxes {
+    fn word(self) -> Option<(&'static str, &'static str)> {
+        match self {
+            Self::Unspecified => None,
+            Self::Frame => Some(("frame", "Those of the session's frame, as the paper's formula has it")),
+            Self::Free => Some(("free", "They may turn, for objects that stand askew")),
         }
     }
 }
