@@ -3,7 +3,8 @@
 //!
 //! `cargo run --release --locked --example picture -- docs/images/bottle.svg`
 
-use std::collections::BTreeMap;
+mod drawing;
+
 use std::error::Error;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -18,6 +19,8 @@ use palpate_simulator::robot::{Plan, Robot};
 use palpate_simulator::shapes;
 use tokio::net::TcpListener;
 use tokio_util::sync::CancellationToken;
+
+use self::drawing::{Eye, Ramp, Solid};
 
 /// The estimate is drawn after this many attempts.
 const DRAWN_AFTER: [u32; 3] = [0, 10, 50];
@@ -35,13 +38,14 @@ const BAR_STEPS: i32 = 12;
 /// From the middle of a panel to its camera, which is really farther away.
 const CAMERA_UNITS: f64 = 165.0;
 const UNITS_A_METRE: f64 = 2100.0;
-/// Faces are drawn from far to near in groups of this many, and by colour within a group.
-const GROUP: usize = 400;
-
 /// Dark violet, blue, green, yellow: legible without colour vision too.
-const RAMP: [[f64; 3]; 5] =
-    [[68.0, 1.0, 84.0], [59.0, 82.0, 139.0], [33.0, 145.0, 140.0], [94.0, 201.0, 98.0], [253.0, 231.0, 37.0]];
-const GREY: [f64; 3] = [200.0, 200.0, 204.0];
+const RAMP: Ramp = Ramp(&[
+    [68.0, 1.0, 84.0],
+    [59.0, 82.0, 139.0],
+    [33.0, 145.0, 140.0],
+    [94.0, 201.0, 98.0],
+    [253.0, 231.0, 37.0],
+]);
 
 /// Legible on dark and on light.
 const DOT: &str = "fill=\"#fff\" stroke=\"#c1121f\" stroke-width=\"4\"";
@@ -59,27 +63,9 @@ struct Panel {
     look: Option<(Point, Point)>,
 }
 
-/// The eye of whoever looks at the picture.
-struct Eye {
-    right: Vector,
-    up: Vector,
-    towards: Vector,
-}
-
-impl Eye {
-    fn new() -> Self {
-        let (azimuth, elevation) = (AZIMUTH_DEG.to_radians(), ELEVATION_DEG.to_radians());
-        let right = Vector::new(-azimuth.sin(), azimuth.cos(), 0.0);
-        let towards =
-            Vector::new(azimuth.cos() * elevation.cos(), azimuth.sin() * elevation.cos(), elevation.sin());
-        Self { right, up: towards.cross(&right), towards }
-    }
-
-    /// To the right and down from the middle of a panel, in drawing units.
-    fn place(&self, point: &Point) -> (f64, f64) {
-        let (right, up) = (point.coords.dot(&self.right), point.coords.dot(&self.up));
-        (UNITS_A_METRE * right, -UNITS_A_METRE * up)
-    }
+/// Whoever looks at the picture.
+fn eye() -> Eye {
+    Eye::new(AZIMUTH_DEG, ELEVATION_DEG, UNITS_A_METRE)
 }
 
 /// The middle of the panel in this column.
@@ -175,7 +161,8 @@ fn draw(panels: &[Panel]) -> Result<String, std::fmt::Error> {
     }
     svg.push_str("</g>\n<g stroke-width=\"1\" stroke-linejoin=\"round\">\n");
     for (column, panel) in panels.iter().enumerate() {
-        draw_mesh(&mut svg, panel, column)?;
+        let solid = Solid { mesh: &panel.mesh, uncertainty: panel.uncertainty.as_deref(), ramp: RAMP };
+        solid.draw(&mut svg, &eye(), middle(column))?;
     }
     svg.push_str("</g>\n");
     for (column, panel) in panels.iter().enumerate() {
@@ -189,7 +176,7 @@ fn draw(panels: &[Panel]) -> Result<String, std::fmt::Error> {
 
 /// A dot for each touch on the near side.
 fn draw_touches(svg: &mut String, panel: &Panel, column: usize) -> std::fmt::Result {
-    let (eye, origin) = (Eye::new(), middle(column));
+    let (eye, origin) = (eye(), middle(column));
     for (point, outward) in &panel.touches {
         if outward.dot(&eye.towards) > 0.0 {
             let (x, y) = eye.place(point);
@@ -203,7 +190,7 @@ fn draw_touches(svg: &mut String, panel: &Panel, column: usize) -> std::fmt::Res
 /// The camera on its side of the panel, and a line to the middle of what it saw.
 fn draw_camera(svg: &mut String, panel: &Panel, column: usize) -> std::fmt::Result {
     let Some((viewpoint, seen)) = &panel.look else { return Ok(()) };
-    let (eye, origin) = (Eye::new(), middle(column));
+    let (eye, origin) = (eye(), middle(column));
     let ((x, y), (to_x, to_y)) = (eye.place(viewpoint), eye.place(seen));
     let nearer = CAMERA_UNITS / x.hypot(y);
     let (x, y) = (f64::from(origin.0) + nearer * x, f64::from(origin.1) + nearer * y);
@@ -221,7 +208,7 @@ fn draw_bar(svg: &mut String, left: i32) -> std::fmt::Result {
     let (x, top, width, height) = (left + 20, 130, 30, 300);
     let step = height / BAR_STEPS;
     for place in 0..BAR_STEPS {
-        let colour = colour(Some(f64::from(place) / f64::from(BAR_STEPS - 1)), 1.0);
+        let colour = RAMP.colour(Some(f64::from(place) / f64::from(BAR_STEPS - 1)), 1.0);
         let y = top + height - step * (place + 1);
         writeln!(svg, "<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{step}\" fill=\"{colour}\"/>")?;
     }
@@ -236,51 +223,4 @@ fn draw_bar(svg: &mut String, left: i32) -> std::fmt::Result {
     writeln!(svg, "<text x=\"{text}\" y=\"{}\">touch</text>", dot_y + 8)?;
     writeln!(svg, "<g transform=\"translate({} {camera_y})\">{CAMERA}</g>", x + width / 2 - 6)?;
     writeln!(svg, "<text x=\"{text}\" y=\"{}\">camera</text>\n</g>", camera_y + 8)
-}
-
-/// Draws the faces that look at the camera, the farthest first.
-fn draw_mesh(svg: &mut String, panel: &Panel, column: usize) -> std::fmt::Result {
-    let (eye, origin) = (Eye::new(), middle(column));
-    let place = |vertex: u32| {
-        let (x, y) = eye.place(&panel.mesh.vertices[vertex as usize]);
-        (origin.0 + x.round() as i32, origin.1 + y.round() as i32)
-    };
-
-    let facing = |face: usize| panel.mesh.face_normal(face).dot(&eye.towards);
-    let depth =
-        |face: usize| panel.mesh.corners(face).iter().map(|p| p.coords.dot(&eye.towards)).sum::<f64>();
-    let mut faces: Vec<usize> = (0..panel.mesh.faces.len()).filter(|&face| facing(face) > 0.0).collect();
-    faces.sort_by(|&a, &b| depth(a).total_cmp(&depth(b)));
-    for group in faces.chunks(GROUP) {
-        let mut by_colour: BTreeMap<String, String> = BTreeMap::new();
-        for &face in group {
-            let corners = panel.mesh.faces[face];
-            let [a, b, c] = corners.map(place);
-            let uncertainty = panel.uncertainty.as_ref().map(|u| mean(corners.map(|v| u[v as usize])));
-            let outline = by_colour.entry(colour(uncertainty, facing(face))).or_default();
-            write!(outline, "M{} {}l{} {} {} {}z", a.0, a.1, b.0 - a.0, b.1 - a.1, c.0 - b.0, c.1 - b.1)?;
-        }
-        for (colour, outline) in by_colour {
-            writeln!(svg, "<path fill=\"{colour}\" stroke=\"{colour}\" d=\"{outline}\"/>")?;
-        }
-    }
-    Ok(())
-}
-
-fn mean(values: [f64; 3]) -> f64 {
-    values.iter().sum::<f64>() / 3.0
-}
-
-/// The ramp at `uncertainty`, darker where the face turns away; in few steps, so that faces share colours.
-fn colour(uncertainty: Option<f64>, facing: f64) -> String {
-    let light = 0.55 + 0.45 * (5.0 * facing).round() / 5.0;
-    let base = uncertainty.map_or(GREY, |u| {
-        let along = (12.0 * u.clamp(0.0, 1.0)).round() / 12.0 * (RAMP.len() - 1) as f64;
-        let below = (along as usize).min(RAMP.len() - 2);
-        let share = along - below as f64;
-        std::array::from_fn(|part| (1.0 - share) * RAMP[below][part] + share * RAMP[below + 1][part])
-    });
-    // Three digits: sixteen steps a channel.
-    let [red, green, blue] = base.map(|part| (light * part / 17.0).round() as u8);
-    format!("#{red:x}{green:x}{blue:x}")
 }
