@@ -6,7 +6,7 @@ use std::hint::black_box;
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, BenchmarkId, Criterion, criterion_group, criterion_main};
 use nalgebra::UnitQuaternion;
-use palpate_core::config::{Config, Method, Settings, Strategy};
+use palpate_core::config::{Axes, Config, Method, Settings, Strategy};
 use palpate_core::evidence::attractor::{Attractor, Sense};
 use palpate_core::evidence::{Attempt, Contact, ContactDetail, Evidence, Outcome, VisualPrior, Wrench};
 use palpate_core::exploration::ProposalRequest;
@@ -179,9 +179,8 @@ fn stages(criterion: &mut Criterion) {
         let sphere = Icosphere::get(subdivisions as usize);
         let size = format!("{count}x{}", sphere.directions.len());
         let viewpoint = Some(Point::new(0.6, 0.1, 0.2));
-        let start = ellipsoid::initial(&attractors, viewpoint.as_ref());
-        let cold = ellipsoid::fit(&attractors, viewpoint.as_ref(), &start, false);
-        let surface = TemplateSurface::new(cold.shape.mesh(sphere));
+        let template = || ellipsoid::fit(&attractors, viewpoint.as_ref(), Axes::Frame);
+        let surface = TemplateSurface::new(template().shape.mesh(sphere));
         let project = || -> Vec<_> { attractors.iter().map(|a| surface.project(&a.point)).collect() };
         let projections = project();
         let plate = ThinPlate::fit(&projections);
@@ -192,8 +191,8 @@ fn stages(criterion: &mut Criterion) {
         let mut bench = |name: &str, run: &mut dyn FnMut()| {
             group.bench_function(BenchmarkId::new(name, &size), |bencher| bencher.iter(&mut *run));
         };
-        bench("template_warm", &mut || {
-            black_box(ellipsoid::fit(&attractors, viewpoint.as_ref(), &cold.shape, true));
+        bench("template", &mut || {
+            black_box(template());
         });
         bench("surface", &mut || {
             black_box(TemplateSurface::new(surface.mesh().clone()));
@@ -209,7 +208,7 @@ fn stages(criterion: &mut Criterion) {
         });
         bench("uncertainty", &mut || {
             black_box(uncertainty::propagate(
-                sphere,
+                &sphere.connectivity,
                 &mesh.vertices,
                 &attractors,
                 Reach { hops: 5, length_m: 0.02 },
