@@ -1,5 +1,7 @@
 //! How the next contact is chosen: the gain that is expected of it, and the way to it.
 
+use std::collections::HashSet;
+
 use palpate_proto::v1;
 use palpate_simulator::robot::{Plan, Robot};
 use palpate_simulator::shapes;
@@ -40,6 +42,34 @@ async fn expected_gain_explores_an_object_closely_and_goes_on_the_same_after_a_r
         asked,
         "the replayed state is the live one"
     );
+}
+
+#[tokio::test]
+async fn an_implicit_surface_has_other_faces_after_every_touch_and_goes_on_the_same_after_a_restart() {
+    let server = Server::start().await;
+    let object = shapes::generate("pear").unwrap();
+    let method = v1::Method::Gpis.into();
+    let session = creation_with("pear", v1::SessionConfig { method, ..Default::default() });
+    let plan = Plan { session, seed: 2, attempts: 20, ..Plan::default() };
+    let mut robot = Robot::begin(server.client().await, &object, plan).await.unwrap();
+    let (mut numbers, mut attempts) = (HashSet::new(), 0);
+    while robot.step().await.unwrap().is_some() {
+        numbers.insert(robot.estimate().await.unwrap().mesh.faces.len());
+        attempts += 1;
+    }
+    assert_eq!(attempts, 20);
+    assert!(numbers.len() > 10, "{numbers:?}");
+    let mesh = robot.estimate().await.unwrap().mesh;
+    let off_m: f64 = mesh.vertices.iter().map(|vertex| object.surface().closest(vertex).distance_m).sum();
+    assert!(off_m / (mesh.vertices.len() as f64) < 4e-3, "{off_m} m over {}", mesh.vertices.len());
+    let caller = server.grpc();
+    let (live, asked) =
+        (caller.get("pear").await.unwrap(), caller.propose(question("pear", 4)).await.unwrap());
+    assert_eq!(live.config.as_ref().unwrap().strategy(), v1::Strategy::MinUncertainty);
+    let server = server.restart().await;
+    let caller = server.grpc();
+    assert_eq!(without_timing(caller.get("pear").await.unwrap()), without_timing(live));
+    assert_eq!(caller.propose(question("pear", 4)).await.unwrap(), asked);
 }
 
 #[tokio::test]
@@ -88,7 +118,7 @@ async fn a_heavy_way_brings_the_next_candidate_near_to_the_tool() {
 #[tokio::test]
 async fn a_strategy_without_what_it_needs_is_refused_by_its_field() {
     let server = Server::start().await;
-    let (method, strategy) = (v1::Method::Paper.into(), v1::Strategy::ExpectedGain.into());
+    let (method, strategy) = (v1::Method::Gpis.into(), v1::Strategy::ExpectedGain.into());
     let blind = v1::SessionConfig { method, strategy, ..Default::default() };
     let strategy = v1::Strategy::MinUncertainty.into();
     let baseline = v1::SessionConfig { strategy, alpha_travel: Some(0.5), ..Default::default() };

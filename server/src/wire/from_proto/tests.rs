@@ -58,7 +58,30 @@ fn an_empty_configuration_is_the_default_and_survives_being_written_out() {
 }
 
 #[test]
+fn what_is_a_methods_own_is_filled_in_and_survives_being_written_out() {
+    let gpis = v1::SessionConfig { method: v1::Method::Gpis.into(), ..Default::default() };
+    let askew = v1::SessionConfig {
+        method: v1::Method::Paper.into(),
+        template_axes: v1::TemplateAxes::Free.into(),
+        ..Default::default()
+    };
+    for config in [gpis.clone(), askew.clone()] {
+        let definition = new_session(config).unwrap();
+        let written = crate::wire::to_proto::session_config(&definition);
+        assert_eq!(new_session(written).unwrap(), definition);
+    }
+    let own = new_session(gpis).unwrap().config;
+    assert_eq!(own.strategy, palpate_core::config::Strategy::MinUncertainty);
+    assert_eq!((own.stop.max_attempts, own.stop.mean_uncertainty_below), (Some(50), None));
+    assert_eq!(new_session(askew).unwrap().config.template_axes, palpate_core::config::Axes::Free);
+}
+
+#[test]
 fn a_bad_configuration_names_its_field() {
+    let axes = v1::SessionConfig { template_axes: v1::TemplateAxes::Free.into(), ..Default::default() };
+    assert_names(new_session(axes), "config.template_axes", "FIELD_INVALID");
+    let axes = v1::SessionConfig { template_axes: 9, ..Default::default() };
+    assert_names(new_session(axes), "config.template_axes", "FIELD_INVALID");
     let config = v1::SessionConfig { confident_max: Some(f64::NAN), ..Default::default() };
     assert_names(new_session(config), "config.confident_max", "NON_FINITE");
     let config = v1::SessionConfig { method: 77, ..Default::default() };
