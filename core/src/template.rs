@@ -28,6 +28,7 @@ mod union;
 
 pub use compound::Compound;
 pub use ellipsoid::{Ellipsoid, EllipsoidFit};
+pub(crate) use patch_frame::PatchFrame;
 pub use selection::SelectedFit;
 pub(crate) use selection::select;
 pub use superquadric::Superquadric;

@@ -2,9 +2,10 @@
 //! around that are outside. Without them the field is zero everywhere.
 
 use super::process::{Known, Process};
-use crate::evidence::attractor::{Attractor, Sense};
+use crate::evidence::attractor::Attractor;
 use crate::evidence::free_space::FreeSpace;
-use crate::geometry::{Icosphere, Point, Vector};
+use crate::geometry::{Icosphere, Point};
+use crate::template::PatchFrame;
 
 /// The object is taken to reach so many lengths of the visible patch behind it.
 const BEHIND: f64 = 1.5;
@@ -32,18 +33,13 @@ impl Controls {
     /// The middle of the box around all attractors and a point behind the visible patch, as the camera
     /// sees it.
     pub(super) fn around(attractors: &[Attractor], viewpoint: Option<&Point>) -> Self {
-        let seen = || attractors.iter().filter(|a| a.sense == Sense::Vision).map(|a| a.point.coords);
-        let count = seen().count().max(1) as f64;
-        let patch = Point::from(seen().sum::<Vector>() / count);
-        let length_m = (seen().map(|p| (p - patch.coords).norm_squared()).sum::<f64>() / count).sqrt();
-        let away =
-            viewpoint.and_then(|camera| (patch - camera).try_normalize(1e-9)).unwrap_or_else(Vector::zeros);
-        let behind = patch + away * (BEHIND * length_m);
+        let patch = PatchFrame::of(attractors, viewpoint);
+        let behind = patch.origin + patch.centre * (BEHIND * patch.length_m);
         let points = || attractors.iter().map(|a| a.point).chain([behind]);
         let low = points().fold(behind, |low, point| low.inf(&point));
         let high = points().fold(behind, |high, point| high.sup(&point));
         let centre = nalgebra::center(&low, &high);
-        let farthest_m = points().map(|point| (point - centre).norm()).fold(length_m, f64::max);
+        let farthest_m = points().map(|point| (point - centre).norm()).fold(patch.length_m, f64::max);
         Self { centre, radius_m: MARGIN * farthest_m }
     }
 

@@ -10,10 +10,9 @@ use super::process::{Displacement, Observation, Prior};
 use crate::config::{DeclaredSymmetry, Stages};
 use crate::evidence::attractor::{Attractor, Sense};
 use crate::fingerprint::Fingerprint;
-use crate::geometry::Vector;
 use crate::schedule::Extras;
 use crate::symmetry::{Symmetry, SymmetryFrame};
-use crate::template::Compound;
+use crate::template::{Compound, PatchFrame};
 
 /// Correlation length, as a share of the object's mean radius.
 const CORRELATION: f64 = 0.6;
@@ -45,14 +44,6 @@ const ROTATED: f64 = 0.2;
 /// The correlation length on a template of some area, in metres.
 pub(crate) fn correlation_length_m(area_m2: f64) -> f64 {
     CORRELATION * (area_m2 / (4.0 * std::f64::consts::PI)).sqrt()
-}
-
-/// Root mean square distance of what was seen from its centroid, in metres.
-fn visible_length_m(attractors: &[Attractor]) -> f64 {
-    let seen = || attractors.iter().filter(|a| a.sense == Sense::Vision).map(|a| a.point.coords);
-    let count = seen().count().max(1) as f64;
-    let centroid = seen().sum::<Vector>() / count;
-    (seen().map(|point| (point - centroid).norm_squared()).sum::<f64>() / count).sqrt()
 }
 
 /// What was chosen, from which the next choice goes on.
@@ -102,7 +93,7 @@ pub(crate) struct Problem<'a> {
 impl Problem<'_> {
     /// The amplitude that is expected before any touch, in metres.
     fn expected_m(&self) -> f64 {
-        (EXPECTED_SHARE * visible_length_m(self.attractors)).max(EXPECTED_M)
+        (EXPECTED_SHARE * PatchFrame::of(self.attractors, None).length_m).max(EXPECTED_M)
     }
 
     fn frame(&self, symmetry: Symmetry) -> SymmetryFrame {
