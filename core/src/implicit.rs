@@ -124,6 +124,15 @@ mod tests {
     }
 
     #[test]
+    fn points_that_nearly_coincide_give_a_sound_surface() {
+        let at =
+            |x: f64| Attractor { point: Point::new(x, 0.0, 0.0), uncertainty: 0.4, sense: Sense::Vision };
+        let attractors = [at(0.0), at(1e-200), at(2e-200), at(3e-200)];
+        let mesh = ImplicitObject::fit(&attractors, &FreeSpace::default(), None).mesh(8);
+        assert!(!mesh.faces.is_empty() && mesh.vertices.iter().all(|vertex| vertex.coords.norm() < 1e-5));
+    }
+
+    #[test]
     fn what_nothing_was_seen_or_touched_of_is_unsure() {
         let attractors = on_ball(0.05, |z| z > 0.3);
         let object =

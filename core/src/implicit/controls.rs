@@ -11,6 +11,9 @@ use crate::template::PatchFrame;
 const BEHIND: f64 = 1.5;
 /// How far around the farthest attractor the object certainly ends.
 const MARGIN: f64 = 1.5;
+/// A smaller object is taken to be this large, in metres: points may lie so close that their squared
+/// distance is zero.
+const LEAST_M: f64 = 1e-6;
 /// Subdivisions of the sphere of outside points: 42 of them.
 const SUBDIVISIONS: usize = 1;
 /// Standard deviation of the field at these points.
@@ -40,7 +43,7 @@ impl Controls {
         let high = points().fold(behind, |high, point| high.sup(&point));
         let centre = nalgebra::center(&low, &high);
         let farthest_m = points().map(|point| (point - centre).norm()).fold(patch.length_m, f64::max);
-        Self { centre, radius_m: MARGIN * farthest_m }
+        Self { centre, radius_m: MARGIN * farthest_m.max(LEAST_M) }
     }
 
     /// The longest distance between two points of the process, in metres.

@@ -8,16 +8,14 @@ use crate::geometry::{Connectivity, Icosphere, Point, TriangleMesh, Vector};
 
 /// Steps of Newton's method that move a vertex onto the level.
 const STEPS: usize = 4;
-/// Where no grid finds a level, this share of the radius stands for it.
+/// Where the grid finds no level, this share of the radius stands for it.
 const FALLBACK: f64 = 0.3;
-/// Grids are made this many times finer at most until one finds the level.
-const REFINEMENTS: u32 = 2;
 
 /// The part of the zero level with the most vertices, in the sphere of `radius_m` about `centre`; closed, and
 /// wound outwards.
 pub(super) fn mesh(field: &Process, centre: Point, radius_m: f64, cells: usize) -> TriangleMesh {
-    let found = (0..=REFINEMENTS).find_map(|finer| on_grid(field, centre, radius_m, cells << finer));
-    found.unwrap_or_else(|| {
+    // With an even number of cells a node lies in the middle, which is known to be inside.
+    on_grid(field, centre, radius_m, cells).unwrap_or_else(|| {
         Icosphere::get(3).mesh_of(|direction| centre + direction.into_inner() * (FALLBACK * radius_m))
     })
 }
