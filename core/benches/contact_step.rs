@@ -8,7 +8,7 @@ use criterion::{BenchmarkGroup, BenchmarkId, Criterion, criterion_group, criteri
 use nalgebra::UnitQuaternion;
 use palpate_core::config::{Axes, Config, Method, Settings, Strategy};
 use palpate_core::evidence::attractor::{Attractor, Sense};
-use palpate_core::evidence::{Attempt, Contact, ContactDetail, Evidence, Outcome, VisualPrior, Wrench};
+use palpate_core::evidence::{Attempt, Contact, ContactDetail, Evidence, Outcome, Pad, VisualPrior, Wrench};
 use palpate_core::exploration::ProposalRequest;
 use palpate_core::geometry::{Icosphere, Point, Pose, Vector};
 use palpate_core::local::thin_plate::ThinPlate;
@@ -70,9 +70,7 @@ fn attractors_of(on_body: fn(&Vector) -> Point, count: usize) -> Vec<Attractor> 
     let unseen = directions.len() - 1200;
     let seen = (0..SEEN).map(|i| (directions[6 * i], Sense::Vision));
     let touched = (0..count - SEEN).map(|i| (directions[1200 + (i * 7919) % unseen], Sense::Touch));
-    seen.chain(touched)
-        .map(|(direction, sense)| Attractor { point: on_body(&direction), uncertainty: 0.1, sense })
-        .collect()
+    seen.chain(touched).map(|(direction, sense)| Attractor::new(on_body(&direction), 0.1, sense)).collect()
 }
 
 /// A touch after a free way of the default length, pointing at the middle of the body.
@@ -83,7 +81,7 @@ fn contact(attractor: &Attractor) -> Evidence {
     let swept_from = Some(attractor.point + outwards * Settings::default().probe_half_travel_m);
     let detail =
         ContactDetail { uncertainty: Some(attractor.uncertainty), swept_from, ..ContactDetail::default() };
-    let contact = Contact::new(pose, Wrench::default(), 0.009, detail).expect("a sound contact");
+    let contact = Contact::new(pose, Wrench::default(), Pad::default(), detail).expect("a sound contact");
     Evidence::Attempt(Attempt { target: None, outcome: Outcome::Contact(contact) })
 }
 

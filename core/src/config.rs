@@ -3,7 +3,7 @@
 use std::ops::Deref;
 
 use crate::error::FieldError;
-use crate::geometry::MAX_SUBDIVISIONS;
+use crate::geometry::{MAX_SUBDIVISIONS, Plane};
 pub use crate::method::Method;
 
 /// A symmetry of the object that the caller vouches for.
@@ -86,6 +86,14 @@ pub struct Stages {
     /// What was swept freely lies outside the template and the surface, and the planned start of an
     /// approach that touched before it lies inside.
     pub free_space: bool,
+    /// A pad touches where its force acts, and the face of one that touches beside its centre was free.
+    pub pressure: bool,
+    /// Touches that contradict what else is known are doubted.
+    pub doubts: bool,
+    /// What was seen may be off as a whole.
+    pub offsets: bool,
+    /// The object may have moved.
+    pub motion: bool,
     /// A touch that came early pulls the surface like any other.
     pub early_contacts: bool,
     /// A visual point that is kept is the mean of those around it.
@@ -113,6 +121,10 @@ impl Default for Stages {
             parts: true,
             limbs: true,
             free_space: true,
+            pressure: true,
+            doubts: true,
+            offsets: true,
+            motion: true,
             early_contacts: true,
             visual_means: true,
             noise: true,
@@ -194,6 +206,11 @@ pub struct Settings {
     pub symmetry: Option<DeclaredSymmetry>,
     /// Whether the axes of [`Method::Paper`]'s template may turn.
     pub template_axes: Axes,
+    /// The plane that the object stands on, with its normal towards the object, in the session's frame.
+    pub support: Option<Plane>,
+    /// Whether [`Method::Palpate`] takes earlier evidence along where the object was found to have moved;
+    /// otherwise it says so and advises to stop.
+    pub follows_motion: bool,
     /// Which ideas of [`Method::Palpate`] are in use; the others have none of them.
     pub stages: Stages,
 }
@@ -219,6 +236,8 @@ impl Default for Settings {
             stop: StopRule::default(),
             symmetry: None,
             template_axes: Axes::Frame,
+            support: None,
+            follows_motion: true,
             stages: Stages::default(),
         }
     }

@@ -4,42 +4,52 @@
 //! ranks the vertices of the estimate; what is forbidden is left out, and the best few that lie
 //! apart from each other become candidates. A proposal is a pure function of the state.
 
+mod again;
 mod baselines;
 mod expected_gain;
 mod failures;
 mod keep_out;
+mod pads;
 mod proactive;
 mod proposal;
 mod ranking;
 mod risk;
 mod rng;
+mod separation;
 mod situation;
 mod template_error;
 mod travel;
 
 pub use keep_out::{KeepOut, Region};
-pub use proposal::{Candidate, Excluded, Proposal, ProposalRequest, ScoreTerm};
+pub use pads::{Approach, MountedPad};
+pub use proposal::{Candidate, Excluded, Proposal, ProposalRequest, SEPARATION_M, ScoreTerm};
 pub use risk::RiskLaw;
-pub use situation::{Deviations, Situation};
+pub use situation::{Deviations, DoubtedTouch, Situation};
 
 use self::ranking::{Ranked, Ranking};
 use self::travel::Travel;
 use crate::config::Strategy;
-
-/// Candidates of one proposal lie at least this far apart, in metres: a second one within it
-/// would be no alternative.
-const SEPARATION_M: f64 = 0.010;
+use crate::geometry::{Direction, Point};
 
 /// Proposes the next contacts.
 pub fn propose(situation: &Situation<'_>, request: &ProposalRequest) -> Proposal {
     let mut excluded = Excluded::default();
     let reachable: Vec<u32> = (0..situation.mesh.vertices.len() as u32)
         .filter(|&vertex| {
+            let (place, normal) =
+                (&situation.mesh.vertices[vertex as usize], &situation.normals[vertex as usize]);
             let (start, end) = situation.probe_segment(vertex as usize);
-            let blocked =
-                request.keep_out().iter().any(|region| region.blocks(&start, &end, request.pad_radius_m()));
-            excluded.keep_out += u32::from(blocked);
-            !blocked
+            let count = if enters_what_is_kept_out(request, normal, (&start, &end)) {
+                &mut excluded.keep_out
+            } else if is_rejected(situation, place) {
+                &mut excluded.unreachable
+            } else if is_leased(request, place) {
+                &mut excluded.leased
+            } else {
+                return true;
+            };
+            *count += 1;
+            false
         })
         .collect();
     let travel = Travel::new(situation, request);
@@ -50,25 +60,68 @@ pub fn propose(situation: &Situation<'_>, request: &ProposalRequest) -> Proposal
         Strategy::Uniform => baselines::uniform(situation, &reachable),
         Strategy::Random => baselines::random(situation, &reachable),
     };
-    let mut candidates: Vec<Candidate> = Vec::new();
-    while candidates.len() < request.top_k() {
-        let Some(ranked) = ranking.ranked.next() else { break };
-        let point = situation.mesh.vertices[ranked.vertex as usize];
-        if candidates.iter().all(|other| (other.point - point).norm() >= SEPARATION_M) {
-            candidates.push(candidate(situation, &ranked, &ranking));
-        }
-    }
-    let excluded = Excluded { keep_out: excluded.keep_out, ..ranking.excluded };
+    let chosen = separation::best_apart(situation, &mut ranking.ranked, request.top_k());
+    let chosen = chosen.iter().map(|ranked| candidate(situation, request, ranked, &ranking));
+    let candidates =
+        again::candidates(situation, request).into_iter().chain(chosen).take(request.top_k()).collect();
+    let Excluded { already_certain, no_confident_neighbour, recently_failed, .. } = ranking.excluded;
+    let excluded = Excluded { already_certain, no_confident_neighbour, recently_failed, ..excluded };
     Proposal { candidates, excluded }
 }
 
-/// Whether a strategy that avoids what has failed has nothing left to offer.
-pub fn is_exhausted(situation: &Situation<'_>) -> bool {
-    situation.config.strategy.weighs_terms()
-        && (0..situation.mesh.vertices.len() as u32).all(|vertex| failures::is_taboo(situation, vertex))
+/// Whether an approach is not to be made: kept out, rejected or promised to another robot.
+fn is_forbidden(
+    situation: &Situation<'_>,
+    request: &ProposalRequest,
+    place: &Point,
+    normal: &Direction,
+    approach: (&Point, &Point),
+) -> bool {
+    enters_what_is_kept_out(request, normal, approach)
+        || is_rejected(situation, place)
+        || is_leased(request, place)
 }
 
-fn candidate(situation: &Situation<'_>, ranked: &Ranked, ranking: &Ranking<'_>) -> Candidate {
+/// Whether any part of the pad enters a forbidden region on its way.
+fn enters_what_is_kept_out(
+    request: &ProposalRequest,
+    normal: &Direction,
+    (start, end): (&Point, &Point),
+) -> bool {
+    if !request.keeps_out() {
+        return false;
+    }
+    let radius_m = request.pad_radius_m(normal);
+    request.keep_out().iter().any(|region| region.blocks(start, end, radius_m))
+}
+
+/// Whether a robot did not try a candidate close by, for a reason that still holds.
+fn is_rejected(situation: &Situation<'_>, place: &Point) -> bool {
+    let attempts = situation.ledger.tallies.attempts;
+    situation.ledger.rejections.iter().any(|rejection| rejection.holds_at(place, attempts))
+}
+
+/// Whether a place close by is promised to another robot.
+fn is_leased(request: &ProposalRequest, place: &Point) -> bool {
+    request.leased().iter().any(|leased| (leased - place).norm() < request.lease_radius_m())
+}
+
+/// Whether nothing is left to offer: all was rejected, or has failed where the strategy avoids that.
+pub fn is_exhausted(situation: &Situation<'_>) -> bool {
+    let avoids_failures = situation.config.strategy.weighs_terms();
+    let is_out = |vertex| {
+        is_rejected(situation, &situation.mesh.vertices[vertex as usize])
+            || (avoids_failures && failures::is_taboo(situation, vertex))
+    };
+    (0..situation.mesh.vertices.len() as u32).all(is_out)
+}
+
+fn candidate(
+    situation: &Situation<'_>,
+    request: &ProposalRequest,
+    ranked: &Ranked,
+    ranking: &Ranking<'_>,
+) -> Candidate {
     let vertex = ranked.vertex as usize;
     let (probe_start, probe_end) = situation.probe_segment(vertex);
     let measure = || proactive::Frontier::new(situation).mean_geodesic_m(ranked.vertex);
@@ -79,6 +132,7 @@ fn candidate(situation: &Situation<'_>, ranked: &Ranked, ranking: &Ranking<'_>) 
         normal: situation.normals[vertex],
         probe_start,
         probe_end,
+        approach: request.approach(&probe_start, &situation.normals[vertex]),
         score: ranked.score(),
         terms: ranked.terms.clone(),
         uncertainty: situation.uncertainty[vertex],

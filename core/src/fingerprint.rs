@@ -3,7 +3,7 @@
 use nalgebra::Rotation3;
 use sha2::{Digest, Sha256};
 
-use crate::geometry::{Point, Vector};
+use crate::geometry::{Point, Pose, Vector};
 
 /// A fingerprint in the making. A type that is part of the state adds itself by a method
 /// `fingerprint` that names all of its fields, so that a new one is not forgotten.
@@ -36,6 +36,12 @@ impl Fingerprint {
     pub(crate) fn points(&mut self, points: &[Point]) {
         self.count(points.len());
         points.iter().for_each(|point| self.vector(&point.coords));
+    }
+
+    /// Adds a pose.
+    pub(crate) fn pose(&mut self, pose: &Pose) {
+        self.vector(&pose.translation.vector);
+        pose.rotation.coords.iter().for_each(|x| self.number(*x));
     }
 
     /// Adds a rotation.

@@ -100,10 +100,9 @@ mod tests {
     fn on_ball(radius_m: f64, is_known: impl Fn(f64) -> bool) -> Vec<Attractor> {
         let directions = Icosphere::get(2).directions.iter().filter(|d| is_known(d.z));
         directions
-            .map(|d| Attractor {
-                point: Point::new(0.4, 0.1, 0.2) + d.into_inner() * radius_m,
-                uncertainty: 0.0,
-                sense: if d.z > 0.6 { Sense::Vision } else { Sense::Touch },
+            .map(|d| {
+                let sense = if d.z > 0.6 { Sense::Vision } else { Sense::Touch };
+                Attractor::new(Point::new(0.4, 0.1, 0.2) + d.into_inner() * radius_m, 0.0, sense)
             })
             .collect()
     }
@@ -125,8 +124,7 @@ mod tests {
 
     #[test]
     fn points_that_nearly_coincide_give_a_sound_surface() {
-        let at =
-            |x: f64| Attractor { point: Point::new(x, 0.0, 0.0), uncertainty: 0.4, sense: Sense::Vision };
+        let at = |x: f64| Attractor::new(Point::new(x, 0.0, 0.0), 0.4, Sense::Vision);
         let attractors = [at(0.0), at(1e-200), at(2e-200), at(3e-200)];
         let mesh = ImplicitObject::fit(&attractors, &FreeSpace::default(), None).mesh(8);
         assert!(!mesh.faces.is_empty() && mesh.vertices.iter().all(|vertex| vertex.coords.norm() < 1e-5));

@@ -26,3 +26,4 @@ pub mod schedule;
 pub mod symmetry;
 pub mod template;
 pub mod uncertainty;
+pub mod warning;

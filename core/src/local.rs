@@ -6,6 +6,7 @@
 //! its [`hyperparameters`], holds it back from what the probe has swept, and gives a calibrated
 //! standard deviation beside each height: one [`Raised`] for all of it.
 
+mod doubts;
 pub(crate) mod hyperparameters;
 mod kernel;
 mod noise;
@@ -15,11 +16,14 @@ mod vertex_process;
 
 pub use vertex_process::VertexProcess;
 
-use self::hyperparameters::Hyperparameters;
+use std::collections::BTreeMap;
+
+pub(crate) use self::hyperparameters::Hyperparameters;
 use self::process::{Displacement, Observation};
 use crate::config::Config;
 use crate::evidence::FitEvidence;
-use crate::geometry::SurfacePoint;
+use crate::evidence::attractor::{Attractor, Group, Provenance, Rigid, Sense};
+use crate::geometry::{Point, SurfacePoint, Vector};
 use crate::schedule::Extras;
 use crate::template::{Compound, TemplateSurface};
 
@@ -62,47 +66,84 @@ pub struct Raised {
     pub process: VertexProcess,
     /// What the next fit goes on from.
     pub(crate) hyperparameters: Hyperparameters,
+    /// How likely the measurements were, as a logarithm, up to a constant.
+    pub(crate) log_likelihood: f64,
+    /// How likely each touch is none, with its number.
+    pub(crate) doubts: Vec<(usize, f64)>,
+    /// The rigid offsets of groups of measurements: each with its mean and the standard deviation in its
+    /// least certain direction, in metres.
+    pub(crate) rigid: Vec<(Group, Vector, f64)>,
 }
 
 /// Raises the template's surface to what was measured, and holds it back from what was swept.
 pub(crate) fn raise(
     surface: &TemplateSurface,
     shape: &Compound,
-    evidence: &FitEvidence<'_>,
+    evidence: &FitEvidence,
     before: Option<&Hyperparameters>,
     extras: Extras,
     config: &Config,
 ) -> Raised {
-    let observe = |point, noise_m| {
+    let observe = |point: &Point, noise_m| {
         let projection = surface.project(point);
-        Observation { at: projection.foot, height_m: projection.height_m, noise_m }
+        Observation::new(projection.foot, projection.height_m, noise_m)
     };
-    // The noise is among what is chosen.
-    let mut observations: Vec<Observation> =
-        evidence.measured.iter().map(|attractor| observe(&attractor.point, 0.0)).collect();
-    let problem = hyperparameters::Problem {
-        attractors: &evidence.measured,
+    // The noise is among what is chosen, and a correction among what is estimated.
+    let observed = |attractor: &Attractor| {
+        let observation = observe(&attractor.point, 0.0);
+        let Provenance { correction, rigid, .. } = attractor.provenance;
+        let height_m = observation.height_m - observation.at.normal.dot(&correction);
+        Observation { height_m, rigid, ..observation }
+    };
+    let mut observations: Vec<Observation> = evidence.measured.iter().map(observed).collect();
+    let problem = |attractors| hyperparameters::Problem {
+        attractors,
         length_m: hyperparameters::correlation_length_m(surface.mesh().area()),
         shape,
         extras,
         declared: config.symmetry,
         stages: &config.stages,
     };
-    let (process, hyperparameters) = problem.choose(&mut observations, before);
+    let attractors = if config.stages.doubts {
+        doubts::found(&problem(&evidence.measured), &mut observations)
+    } else {
+        evidence.measured.clone()
+    };
+    let (process, hyperparameters) = problem(&attractors).choose(&mut observations, before);
+    let log_likelihood = process.evidence() - hyperparameters.cost();
 
     let free: Vec<Observation> =
         evidence.free_space.outside().iter().map(|point| observe(point, FREE_NOISE_M)).collect();
     let process = held_back(process, &mut observations, &free);
 
+    let measured = &observations[..evidence.measured.len()];
     let vertices = surface.vertices();
     let (heights_m, deviations_m) = process.predict(&vertices);
     Raised {
         heights_m,
         std_m: deviations_m.iter().map(|m| Calibration::FITTED.stated_m(*m)).collect(),
-        residual_m: process.residual_m(&observations[..evidence.measured.len()]),
+        residual_m: process.residual_m(measured),
+        doubts: attractors
+            .iter()
+            .filter(|a| a.sense == Sense::Touch)
+            .map(|a| (a.provenance.source, a.provenance.doubt))
+            .collect(),
+        rigid: rigid_offsets(&process, &observations),
         process: VertexProcess::new(process, vertices, deviations_m),
         hyperparameters,
+        log_likelihood,
     }
+}
+
+/// What each group of measurements is off by.
+fn rigid_offsets(process: &Displacement, observations: &[Observation]) -> Vec<(Group, Vector, f64)> {
+    let groups: BTreeMap<Group, Rigid> =
+        observations.iter().flat_map(|o| o.rigid).flatten().map(|rigid| (rigid.group, rigid)).collect();
+    let offset = |rigid: Rigid| {
+        let (mean, std_m) = process.rigid_offset(observations, rigid);
+        (rigid.group, mean, std_m)
+    };
+    groups.into_values().map(offset).collect()
 }
 
 /// The process with the surface pulled back to the free points that it would cover; one that is still

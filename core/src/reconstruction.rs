@@ -4,27 +4,33 @@
 //! gives the same bits. What lies between evidence and surface is one page for each method,
 //! [`paper`], [`palpate`] and [`gpis`]; they are made of the stages that the other modules hold.
 
+mod belief;
+mod findings;
 mod gpis;
+mod motion;
 mod palpate;
 mod paper;
 mod summary;
 
+pub use findings::{Findings, FoundDoubt, FoundMotion, FoundOffset};
 pub use summary::{Stats, StopReason};
 
 use std::sync::Arc;
 
 use crate::config::{Config, Method};
 use crate::error::Error;
+use crate::evidence::attractor::Attractor;
 use crate::evidence::ledger::Ledger;
-use crate::evidence::{Evidence, WorkFrame};
-use crate::exploration::{self, Deviations, Proposal, ProposalRequest, Situation};
+use crate::evidence::{Evidence, Reading, WorkFrame};
+use crate::exploration::{self, Deviations, DoubtedTouch, Proposal, ProposalRequest, Situation};
 use crate::geometry::{Connectivity, Direction, Icosphere, Point, SurfaceIndex, TriangleMesh};
 use crate::local::Raised;
 use crate::template::{EllipsoidFit, SelectedFit};
 use crate::uncertainty::Reach;
+use crate::warning::Warning;
 
 /// Changes with every change of a result: a stored state hash holds for one version only.
-pub const ALGORITHM_VERSION: &str = "6";
+pub const ALGORITHM_VERSION: &str = "7";
 
 /// A session's state: its evidence, and the estimate that follows from it.
 #[derive(Clone, Debug)]
@@ -76,6 +82,8 @@ struct GpisDetail {
 struct PalpateDetail {
     /// How many fits there were, this one included.
     number: usize,
+    /// How the next fit is to read the evidence.
+    reading: Reading,
     template: SelectedFit,
     /// Standard deviation of the template under each vertex, in metres.
     template_std_m: Vec<f64>,
@@ -110,7 +118,7 @@ pub struct Update {
     /// The farthest that the surface moved along its normal, in metres.
     pub max_vertex_move_m: f64,
     /// What the caller should know.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Warning>,
 }
 
 impl Reconstruction {
@@ -127,6 +135,7 @@ impl Reconstruction {
         let mut next = self.clone();
         if let (Evidence::VisualPrior(prior), None) = (evidence, &self.estimate) {
             next.frame = WorkFrame::of(self.config.method, prior);
+            next.ledger.support = self.config.support.map(|plane| next.frame.plane(&plane));
         }
         let entry = next.ledger.enter(&next.frame.enter(evidence), &next.config)?;
         let mut max_vertex_move_m = 0.0;
@@ -135,12 +144,20 @@ impl Reconstruction {
             max_vertex_move_m = self.estimate.as_ref().map_or(0.0, |before| estimate.farthest_move_m(before));
             next.estimate = Some(estimate);
         }
+        let warnings = entry.warnings.into_iter().chain(next.findings().warnings_since(&self.findings()));
         let update = Update {
-            contact_uncertainty: entry.contact_uncertainty,
+            contact_uncertainty: entry.contact_uncertainty.map(|u| next.contact_uncertainty().unwrap_or(u)),
             max_vertex_move_m,
-            warnings: entry.warnings,
+            warnings: warnings.collect(),
         };
         Ok((next, update))
+    }
+
+    /// The uncertainty of the latest touch as it is read, in [0, 1].
+    fn contact_uncertainty(&self) -> Option<f64> {
+        let latest = self.ledger.entries.checked_sub(1)?;
+        let touch = self.ledger.touches.iter().find(|touch| touch.at == latest)?;
+        Some(self.reading().uncertainty(touch, self.config.tactile_u_max))
     }
 
     /// From evidence to surface (Sections III-D to III-F).
@@ -177,6 +194,7 @@ impl Reconstruction {
             reach: estimate.reach,
             centre: estimate.template_centre(),
             deviations: estimate.deviations(),
+            doubted: estimate.doubted(&self.ledger),
         })
     }
 
@@ -211,6 +229,19 @@ impl Reconstruction {
     /// The centre of the template's body, in metres; nothing before the first visual prior.
     pub fn template_centre(&self) -> Option<Point> {
         self.estimate.as_ref().map(|estimate| self.frame.point_in_base(&estimate.template_centre()))
+    }
+
+    /// What pulls the surface, as the evidence is read, in the frame that the method works in.
+    pub fn attractors(&self) -> Vec<Attractor> {
+        self.reading().attractors(&self.ledger, self.config.tactile_u_max)
+    }
+
+    /// How the evidence is read.
+    fn reading(&self) -> Reading {
+        match self.estimate.as_ref().map(|estimate| &estimate.detail) {
+            Some(Detail::Palpate(detail)) => detail.reading.clone(),
+            _ => Reading::as_printed(&self.ledger),
+        }
     }
 
     fn sphere(&self) -> &'static Icosphere {
@@ -265,6 +296,14 @@ impl Estimate {
             Detail::Paper(detail) => detail.residual_m,
             Detail::Gpis(detail) => detail.residual_m,
             Detail::Palpate(detail) => detail.raised.residual_m,
+        }
+    }
+
+    /// Touches that contradict what else is known, in the frame that the method works in.
+    fn doubted(&self, ledger: &Ledger) -> Vec<DoubtedTouch> {
+        match &self.detail {
+            Detail::Paper(_) | Detail::Gpis(_) => Vec::new(),
+            Detail::Palpate(detail) => belief::doubted(&detail.reading, ledger),
         }
     }
 

@@ -19,6 +19,8 @@ pub struct Extras {
     pub splits: bool,
     /// The symmetry is selected anew.
     pub symmetry: bool,
+    /// Other readings of the evidence are tried.
+    pub readings: bool,
 }
 
 impl Extras {
@@ -30,6 +32,7 @@ impl Extras {
             noise: place == 1,
             splits: place == 2,
             symmetry: place == 3,
+            readings: place == 1,
         }
     }
 }

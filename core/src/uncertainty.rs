@@ -63,7 +63,7 @@ mod tests {
     }
 
     fn attractor(point: Point, uncertainty: f64) -> Attractor {
-        Attractor { point, uncertainty, sense: Sense::Touch }
+        Attractor::new(point, uncertainty, Sense::Touch)
     }
 
     #[test]

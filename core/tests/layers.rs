@@ -6,8 +6,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// From the ground up: a room may use those above it in this list, and nothing below.
-const FLOORS: [&str; 16] = [
+const FLOORS: [&str; 17] = [
     "error",
+    "warning",
     "geometry",
     "fingerprint",
     "metrics",

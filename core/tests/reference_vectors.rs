@@ -41,10 +41,9 @@ impl Reference {
     fn all() -> [Self; 2] {
         [include_str!("data/ellipsoid_cap.json"), include_str!("data/mustard.json")].map(|text| {
             let file: Value = serde_json::from_str(text).unwrap();
-            let attractors = file["attractors"].as_array().unwrap().iter().map(|a| Attractor {
-                point: Point::from_slice(&numbers(&a["x"])),
-                uncertainty: a["u"].as_f64().unwrap(),
-                sense: if a["visual"].as_bool().unwrap() { Sense::Vision } else { Sense::Touch },
+            let attractors = file["attractors"].as_array().unwrap().iter().map(|a| {
+                let sense = if a["visual"].as_bool().unwrap() { Sense::Vision } else { Sense::Touch };
+                Attractor::new(Point::from_slice(&numbers(&a["x"])), a["u"].as_f64().unwrap(), sense)
             });
             Self { attractors: attractors.collect(), camera: Point::from_slice(&numbers(&file["cam"])), file }
         })
@@ -225,6 +224,7 @@ fn the_next_contact_is_chosen_like_in_the_reference() {
             centre: reference.fit(Axes::Frame).shape.centre,
             reach: REACH,
             deviations: None,
+            doubted: Vec::new(),
         };
         let proposal = exploration::propose(&situation, &ProposalRequest::best(8));
         let expected = Point::from_slice(&numbers(&reference.file["chosen_xyz"]));
@@ -233,9 +233,10 @@ fn the_next_contact_is_chosen_like_in_the_reference() {
             .iter()
             .min_by(|a, b| (a.point - expected).norm().total_cmp(&(b.point - expected).norm()))
             .unwrap();
-        // Our geodesics are shorter than the reference's edge paths, so near ties may swap.
-        assert!((nearest.point - expected).norm() < 0.010);
-        assert!(nearest.score > 0.98 * proposal.candidates[0].score);
+        // Our geodesics are shorter than the reference's edge paths, so near ties may swap; the second of
+        // them is offered a few millimetres beside its place, where candidates keep apart.
+        assert!((nearest.point - expected).norm() < 0.005);
+        assert!(nearest.score > 0.96 * proposal.candidates[0].score);
         let score = reference.file["chosen_score"].as_f64().unwrap();
         assert!((proposal.candidates[0].score / score - 1.0).abs() < 0.02);
         let feasible = 2562

@@ -5,7 +5,7 @@
 use nalgebra::{Rotation3, UnitQuaternion};
 use palpate_core::config::{Config, Settings, Stages};
 use palpate_core::evidence::{
-    Attempt, Contact, ContactDetail, Evidence, Outcome, Sweep, Target, VisualPrior, Wrench,
+    Attempt, Contact, ContactDetail, Evidence, Outcome, Pad, Sweep, Target, VisualPrior, Wrench,
 };
 use palpate_core::exploration::ProposalRequest;
 use palpate_core::geometry::{Icosphere, Point, Pose, Vector};
@@ -50,7 +50,9 @@ fn evidence(object: &Compound, touches: usize) -> Vec<Evidence> {
         let (point, normal) = (mesh.vertices[vertex], normals[vertex]);
         let facing = UnitQuaternion::rotation_between(&Vector::z(), &-normal.into_inner());
         let pose = Pose::from_parts(point.coords.into(), facing.unwrap_or_else(UnitQuaternion::identity));
-        let contact = Contact::new(pose, Wrench::default(), 0.009, ContactDetail::default()).unwrap();
+        let contact =
+            Contact::new(pose, Wrench::default(), Pad::new(0.009).unwrap(), ContactDetail::default())
+                .unwrap();
         // The third was expected far inside.
         let depth_m = if touch == 2 { 0.03 } else { 0.0 };
         let target = Target::new(point - normal.into_inner() * depth_m, normal.into_inner()).unwrap();
@@ -90,7 +92,7 @@ fn a_template_has_the_families_that_are_in_use() {
 #[test]
 fn an_early_contact_is_an_attractor_only_where_it_is_to_be_kept() {
     let log = evidence(&bottle(), 5);
-    let attractors = |stages| states(&log, stages).last().unwrap().ledger().attractors.len();
+    let attractors = |stages| states(&log, stages).last().unwrap().attractors().len();
     let all = Stages::default();
     assert_eq!(attractors(all), attractors(Stages { early_contacts: false, ..all }) + 1);
 }

@@ -8,6 +8,7 @@
 mod capabilities;
 mod exploration;
 mod explore;
+mod lease;
 mod mesh;
 mod reading;
 mod sessions;
@@ -31,7 +32,7 @@ use crate::compute::Pool;
 use crate::error::Error;
 use crate::limits::Limits;
 use crate::session::Snapshot;
-use crate::sessions::{Aggregate, Computed, RequestKey, Sessions};
+use crate::sessions::{Aggregate, Computed, Decision, RequestKey, Sessions, StoredEvent};
 use crate::store::Store;
 use crate::wire::{event, from_proto, to_proto};
 use capabilities::capabilities;
@@ -187,11 +188,16 @@ fn computed<M: Message>(after: Snapshot, reply: &M) -> Computed<Snapshot> {
         reply: reply.encode_to_vec(),
         state: to_proto::state(after.state).into(),
         summary: to_proto::session(&after).encode_to_vec(),
-        stats_after: to_proto::stats(&after.stats, after.last_update).encode_to_vec(),
+        stats_after: to_proto::stats(&after).encode_to_vec(),
         state_hash: after.state_hash(),
         append_us: after.updated_us,
         after,
     }
+}
+
+/// An event to append, with the session after it and the reply to it.
+fn appended<M: Message>(event: StoredEvent, after: Snapshot, reply: &M) -> Decision<Snapshot> {
+    Decision::Append(event, computed(after, reply))
 }
 
 /// A message that this server wrote itself.

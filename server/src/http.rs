@@ -18,6 +18,7 @@ mod proto_json;
 mod schema;
 mod sessions;
 mod unavailable;
+mod view_file;
 
 use std::any::Any;
 use std::sync::LazyLock;
@@ -30,6 +31,7 @@ use http::{Extensions, HeaderMap, HeaderValue, Method, StatusCode, Uri, Version}
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::compression::CompressionLayer;
 use tower_http::compression::predicate::{Predicate, SizeAbove};
+use tower_http::decompression::RequestDecompressionLayer;
 use tower_http::request_id::{MakeRequestUuid, PropagateRequestIdLayer, SetRequestIdLayer};
 use tower_http::trace::TraceLayer;
 use utoipa_axum::router::OpenApiRouter;
@@ -56,6 +58,9 @@ pub(crate) fn router(api: Api) -> Router {
         .merge(openapi::documentation_page())
         .fallback(no_such_path)
         .method_not_allowed_fallback(method_not_allowed)
+        // What it does not know stays marked as encoded, and is refused where a body is read. It decompresses as the
+        // body is read, so the bound on what is read is one on what was decompressed.
+        .layer(RequestDecompressionLayer::new().pass_through_unaccepted(true))
         .layer(CatchPanicLayer::custom(answer_panic))
         .layer(
             CompressionLayer::new()

@@ -6,6 +6,7 @@
 mod api;
 mod compute;
 mod cors;
+mod depth;
 mod error;
 mod grpc;
 mod http;

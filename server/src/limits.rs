@@ -7,6 +7,27 @@ use std::time::Duration;
 /// Visual points of one session: more are thinned to it. A constant, because replaying a log thins by it too.
 pub(crate) const VISUAL_POINTS: usize = 2000;
 
+/// Pixels of a depth image; constants from here on, because replaying a log reads its clouds again.
+pub(crate) const DEPTH_PIXELS: usize = 4 << 20;
+
+/// Bytes that a decoder of PNG files may take beside the image itself.
+pub(crate) const PNG_DECODER_BYTES: usize = 16 << 20;
+
+/// Bytes of a cloud once it is decompressed.
+pub(crate) const CLOUD_BYTES: usize = 32 << 20;
+
+/// Lines of the header of a PLY or PCD file, comments included.
+pub(crate) const FILE_HEADER_LINES: usize = 1024;
+
+/// Bytes of one line of such a header, comments included.
+pub(crate) const FILE_HEADER_LINE_BYTES: usize = 4096;
+
+/// Elements that such a header declares.
+pub(crate) const FILE_ELEMENTS: usize = 64;
+
+/// Properties of an element, or fields of a point.
+pub(crate) const FILE_PROPERTIES: usize = 256;
+
 /// The bounds of one server; the defaults suit one machine and a few robots.
 #[derive(Clone, Debug)]
 pub struct Limits {
@@ -20,6 +41,12 @@ pub struct Limits {
     pub top_k: u32,
     /// Keep-out regions in one request.
     pub keep_out: usize,
+    /// Declared pads of one session, and contacts of one result.
+    pub pads: usize,
+    /// Longest lease of a candidate.
+    pub lease_max: Duration,
+    /// Leased places of one session that are in force at once.
+    pub leased_places: usize,
     /// Page size where the caller names none.
     pub page_size: u32,
     /// Largest page; larger requests are capped.
@@ -70,6 +97,9 @@ impl Default for Limits {
             contacts: 1000,
             top_k: 64,
             keep_out: 64,
+            pads: 8,
+            lease_max: Duration::from_secs(600),
+            leased_places: 256,
             page_size: 50,
             page_size_max: 1000,
             labels: 64,

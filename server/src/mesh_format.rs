@@ -11,7 +11,7 @@ mod stl;
 
 use palpate_core::reconstruction::Surface;
 
-pub(crate) use points::{PointEncoding, read_points};
+pub(crate) use points::{Cloud, Declared, Layout, PointEncoding, read_points};
 pub(crate) use raw::{RawArrays, raw};
 
 /// The file formats that a surface can be written in.

@@ -6,6 +6,8 @@
 //!                   `--- a log that cannot be replayed +--> Quarantined
 //! ```
 
+mod clutter;
+mod leases;
 mod views;
 
 use std::collections::BTreeMap;
@@ -13,14 +15,17 @@ use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime};
 
 use palpate_core::config::Config;
-use palpate_core::evidence::{Attempt, Evidence};
-use palpate_core::exploration::{KeepOut, Proposal, ProposalRequest};
+use palpate_core::evidence::{Evidence, Pad as TouchingPad};
+use palpate_core::exploration::{KeepOut, MountedPad, Proposal, ProposalRequest};
 use palpate_core::geometry::Pose;
-use palpate_core::reconstruction::{ALGORITHM_VERSION, Reconstruction, Stats, StopReason, Update};
+use palpate_core::reconstruction::{ALGORITHM_VERSION, Findings, Reconstruction, Stats, StopReason, Update};
+
+use sha2::{Digest, Sha256};
 
 use crate::error::Error;
 use crate::sessions::Aggregate;
 
+pub(crate) use leases::{Lease, Leases};
 pub(crate) use views::AddedView;
 
 /// Half the side of the pad that is assumed where none is declared, in metres.
@@ -40,8 +45,27 @@ pub(crate) struct Definition {
     pub(crate) sensors: Vec<Sensor>,
     /// Regions that no approach may enter.
     pub(crate) keep_out: Vec<KeepOut>,
+    /// Which sizes of a view are plausible.
+    pub(crate) plausible_size: PlausibleSize,
     /// Microseconds since 1970, UTC.
     pub(crate) created_us: i64,
+}
+
+/// Which lengths of a view are plausible, in metres, in order.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct PlausibleSize {
+    /// A shorter one is warned about.
+    pub(crate) min_m: f64,
+    /// A longer one is warned about.
+    pub(crate) max_m: f64,
+    /// A longer one is refused.
+    pub(crate) refuse_above_m: f64,
+}
+
+impl Default for PlausibleSize {
+    fn default() -> Self {
+        Self { min_m: 0.005, max_m: 1.0, refuse_above_m: 100.0 }
+    }
 }
 
 /// One square contact pad of the probe.
@@ -50,20 +74,57 @@ pub(crate) struct Sensor {
     pub(crate) id: String,
     /// The sensor's frame has its origin at the centre of the pad's face and z out of the pad.
     pub(crate) tool_from_sensor: Pose,
-    pub(crate) pad_half_side_m: f64,
     /// Normal force at which an approach should stop, in newtons.
     pub(crate) contact_force_n: Option<f64>,
+    /// The pad as the method sees it: its size, its noise and the point that touches.
+    pub(crate) pad: TouchingPad,
+}
+
+/// What a robot asks of a session.
+#[derive(Clone, Debug)]
+pub(crate) struct Question {
+    pub(crate) request: ProposalRequest,
+    /// Who asks; empty is nobody in particular.
+    pub(crate) robot_id: String,
 }
 
 impl Definition {
+    /// Where no approach of this session may go, whoever asks.
+    fn forbidden(&self) -> Vec<KeepOut> {
+        let support = self
+            .config
+            .support
+            .and_then(|plane| KeepOut::half_space(plane.normal().into_inner(), plane.offset_m()).ok());
+        self.keep_out.iter().copied().chain(support).collect()
+    }
+
+    /// A tag that tells its candidates from those of other sessions.
+    pub(crate) fn tag(&self) -> u32 {
+        let digest = Sha256::digest(&self.session_id);
+        u32::from_be_bytes([digest[0], digest[1], digest[2], digest[3]])
+    }
+
+    /// The pads to choose from, in the order of their declaration.
+    fn pads(&self) -> Vec<MountedPad> {
+        let assumed = MountedPad { tool_from_sensor: Pose::identity(), half_side_m: DEFAULT_PAD_HALF_SIDE_M };
+        if self.sensors.is_empty() {
+            return vec![assumed];
+        }
+        let pad = |sensor: &Sensor| MountedPad {
+            tool_from_sensor: sensor.tool_from_sensor,
+            half_side_m: sensor.pad.half_side_m(),
+        };
+        self.sensors.iter().map(pad).collect()
+    }
+
     /// The pad that a contact names: the only one where it names none.
     pub(crate) fn sensor(&self, id: &str) -> Option<Sensor> {
         match self.sensors.as_slice() {
             [] if id.is_empty() => Some(Sensor {
                 id: String::new(),
                 tool_from_sensor: Pose::identity(),
-                pad_half_side_m: DEFAULT_PAD_HALF_SIDE_M,
                 contact_force_n: None,
+                pad: TouchingPad::default(),
             }),
             [only] if id.is_empty() => Some(only.clone()),
             sensors => sensors.iter().find(|sensor| sensor.id == id).cloned(),
@@ -89,12 +150,16 @@ pub(crate) struct Snapshot {
     /// The seq of the last event.
     pub(crate) revision: i64,
     pub(crate) state: SessionState,
-    /// All evidence as it is in the estimate.
-    pub(crate) evidence: Vec<Arc<Evidence>>,
+    /// All evidence as it is in the estimate, each with the seq of its event.
+    pub(crate) evidence: Vec<(i64, Arc<Evidence>)>,
     /// The edge of the voxels in which all views are thinned, in metres, once that was needed.
     pub(crate) view_edge_m: Option<f64>,
+    /// Places that are promised to a robot; those that expired since are among them.
+    pub(crate) leases: Leases,
     pub(crate) reconstruction: Reconstruction,
     pub(crate) stats: Stats,
+    /// What the session found out about its evidence.
+    pub(crate) findings: Findings,
     pub(crate) should_stop: Option<StopReason>,
     pub(crate) digest: [u8; 32],
     /// When the last event was accepted, in microseconds since 1970, UTC.
@@ -112,7 +177,9 @@ impl Snapshot {
             state: SessionState::AwaitingPrior,
             evidence: Vec::new(),
             view_edge_m: None,
+            leases: Leases::default(),
             stats: reconstruction.stats(),
+            findings: Findings::default(),
             should_stop: None,
             digest: reconstruction.digest(),
             updated_us: definition.created_us,
@@ -122,27 +189,31 @@ impl Snapshot {
         }
     }
 
-    /// The session after one more attempt, accepted at `at_us`. Costs milliseconds.
+    /// The session after one more attempt, of a candidate where its id is not empty, accepted at
+    /// `at_us`. Costs milliseconds.
     ///
     /// # Errors
     /// Nothing was seen yet.
     pub(crate) fn absorb(
         &self,
-        attempt: Attempt,
+        evidence: Evidence,
+        candidate_id: &str,
         at_us: i64,
     ) -> Result<(Self, Update), palpate_core::error::Error> {
         let started = Instant::now();
-        let new = Arc::new(Evidence::Attempt(attempt));
+        let new = Arc::new(evidence);
         let (reconstruction, update) = self.reconstruction.absorb(&new)?;
-        let evidence = self.evidence.iter().cloned().chain([new]).collect();
-        Ok((self.next(reconstruction, evidence, at_us, started), update))
+        let evidence = self.evidence.iter().cloned().chain([(self.revision + 1, new)]).collect();
+        let next = self.next(reconstruction, evidence, at_us, started);
+        let leases = next.leases.clone().without(candidate_id);
+        Ok((Self { leases, ..next }, update))
     }
 
     /// The next revision, with this estimate.
     fn next(
         &self,
         reconstruction: Reconstruction,
-        evidence: Vec<Arc<Evidence>>,
+        evidence: Vec<(i64, Arc<Evidence>)>,
         at_us: i64,
         started: Instant,
     ) -> Self {
@@ -152,7 +223,9 @@ impl Snapshot {
             state: SessionState::Active,
             evidence,
             view_edge_m: self.view_edge_m,
+            leases: self.leases.at(at_us),
             stats: reconstruction.stats(),
+            findings: reconstruction.findings(),
             should_stop: reconstruction.stop_reason(),
             digest: reconstruction.digest(),
             updated_us: at_us,
@@ -161,12 +234,26 @@ impl Snapshot {
         }
     }
 
-    /// Where to touch next, away from what the session must keep out of, for its pad.
-    pub(crate) fn propose(&self, wanted: &ProposalRequest) -> Proposal {
-        let Definition { keep_out, sensors, .. } = &*self.definition;
-        let pad_half_side_m = sensors.first().map_or(DEFAULT_PAD_HALF_SIDE_M, |pad| pad.pad_half_side_m);
-        let request = wanted.clone().keeping_out_of(keep_out.clone()).for_pad(pad_half_side_m);
+    /// Where to touch next with the session's pads, away from what it must keep out of and from what is
+    /// promised to others at `now_us`.
+    pub(crate) fn propose(&self, question: &Question, now_us: i64) -> Proposal {
+        let Question { request, robot_id } = question;
+        let request = request
+            .clone()
+            .keeping_out_of(self.definition.forbidden())
+            .for_pads(self.definition.pads())
+            .leaving(self.leases.at(now_us).of_others(robot_id));
         self.reconstruction.propose(&request)
+    }
+
+    /// The seq of the event of a piece of evidence by its number.
+    pub(crate) fn seq_of(&self, evidence: usize) -> i64 {
+        self.evidence.get(evidence).map_or(self.revision, |(seq, _)| *seq)
+    }
+
+    /// Whether the session says where no approach may go.
+    pub(crate) fn keeps_out(&self) -> bool {
+        !self.definition.keep_out.is_empty() || self.definition.config.support.is_some()
     }
 
     /// Changes with every event, and differs from that of an earlier session of the same id.

@@ -32,7 +32,7 @@ use crate::compute::Pool;
 use crate::error::Error;
 use crate::limits::Limits;
 use crate::store::{NewEvent, SessionHead, Store, StoreError};
-pub(crate) use aggregate::{Aggregate, Computed, Created, Fold, FoldError, StoredEvent};
+pub(crate) use aggregate::{Aggregate, Computed, Created, Decision, Fold, FoldError, StoredEvent};
 use live::{Live, LiveSessions};
 use past::PastStates;
 
@@ -68,13 +68,12 @@ pub(crate) struct Change<S> {
     pub(crate) request: RequestKey,
     pub(crate) expected_revision: Option<i64>,
     pub(crate) actor: String,
-    pub(crate) event: StoredEvent,
-    /// Computes the state after the event and the reply, on the compute pool.
+    /// Computes the event, the state after it and the reply, on the compute pool.
     pub(crate) compute: Compute<S>,
 }
 
 type Create<S> = Arc<dyn Fn(&str, i64) -> Result<Created<S>, Error> + Send + Sync>;
-type Compute<S> = Arc<dyn Fn(&S) -> Result<Computed<S>, Error> + Send + Sync>;
+type Compute<S> = Arc<dyn Fn(&S) -> Result<Decision<S>, Error> + Send + Sync>;
 /// The newest state of a session, and each one after it.
 pub(crate) type States<S> = watch::Receiver<Arc<S>>;
 
@@ -194,7 +193,7 @@ impl<S: Aggregate> Sessions<S> {
     }
 
     async fn change_in_order(&self, change: &Change<S>, deadline: Instant) -> Result<Reply, Error> {
-        let Change { session_id, request, expected_revision, actor, event, compute } = change;
+        let Change { session_id, request, expected_revision, actor, compute } = change;
         self.refuse_while_stopping()?;
         for _ in 0..ATTEMPTS {
             let (live, states) = self.open(session_id, deadline).await?;
@@ -206,8 +205,9 @@ impl<S: Aggregate> Sessions<S> {
                 return Ok(first);
             }
             let before = states.borrow().clone();
-            let computed = match self.compute(&before, *expected_revision, compute, deadline).await {
-                Ok(computed) => computed,
+            let (event, computed) = match self.compute(&before, *expected_revision, compute, deadline).await {
+                Ok(Decision::Append(event, computed)) => (event, computed),
+                Ok(Decision::Answer(bytes)) => return Ok(Reply { bytes, duplicate: false }),
                 // A refusal must rest on the newest state, and another process may have written since.
                 Err(_) if self.is_behind(&*before).await? => {
                     self.catch_up(session_id, &live, deadline).await?;
@@ -215,7 +215,7 @@ impl<S: Aggregate> Sessions<S> {
                 }
                 Err(refusal) => return Err(refusal),
             };
-            let (after, head, new) = recorded(computed, request, event.clone(), actor);
+            let (after, head, new) = recorded(computed, request, event, actor);
             let reply = new.reply.clone();
             match self.store.append(head, new).await {
                 Ok(()) => {
@@ -235,7 +235,7 @@ impl<S: Aggregate> Sessions<S> {
         expected_revision: Option<i64>,
         compute: &Compute<S>,
         deadline: Instant,
-    ) -> Result<Computed<S>, Error> {
+    ) -> Result<Decision<S>, Error> {
         let actual = before.revision();
         if let Some(expected) = expected_revision.filter(|&expected| expected != actual) {
             return Err(Error::RevisionMismatch { expected, actual });

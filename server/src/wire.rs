@@ -7,3 +7,9 @@ pub(crate) mod candidate_id;
 pub(crate) mod event;
 pub(crate) mod from_proto;
 pub(crate) mod to_proto;
+
+/// A time in microseconds since 1970, UTC; what no clock shows is the nearest that one does.
+pub(crate) fn microseconds(time: &palpate_proto::Timestamp) -> i64 {
+    let palpate_proto::Timestamp { seconds, nanos } = *time;
+    seconds.saturating_mul(1_000_000).saturating_add(i64::from(nanos) / 1000)
+}

@@ -42,7 +42,7 @@ fn square_with(bad: f32) -> [[f32; 3]; 4] {
     points
 }
 
-const BAD_PRIORS: [Case<v1::VisualPrior>; 19] = [
+const BAD_PRIORS: [Case<v1::VisualPrior>; 24] = [
     ("NaN among the points", "prior.points", NON_FINITE, |prior| points(prior, &square_with(f32::NAN))),
     ("an infinite point", "prior.points", NON_FINITE, |prior| points(prior, &square_with(f32::INFINITY))),
     ("a point 1e5 m away", "prior.points", NON_FINITE, |prior| points(prior, &square_with(1e5))),
@@ -71,6 +71,22 @@ const BAD_PRIORS: [Case<v1::VisualPrior>; 19] = [
     ("bytes of an unknown form", "prior.encoding", INVALID, |prior| prior.encoding = 77),
     ("floats that are called PLY", "prior.points", INVALID, |prior| {
         prior.encoding = v1::PointEncoding::Ply.into();
+    }),
+    ("floats that are called PCD", "prior.points", INVALID, |prior| {
+        prior.encoding = v1::PointEncoding::Pcd.into();
+    }),
+    ("packed points without a layout", "prior.packed", INVALID, |prior| {
+        prior.encoding = v1::PointEncoding::Packed.into();
+    }),
+    ("packed points whose y is x", "prior.packed.y_offset", INVALID, |prior| {
+        prior.encoding = v1::PointEncoding::Packed.into();
+        prior.packed = Some(v1::PackedPoints { point_step: 12, z_offset: 8, ..Default::default() });
+    }),
+    ("a depth image without its camera", "prior.depth", INVALID, |prior| {
+        prior.encoding = v1::PointEncoding::DepthU16.into();
+    }),
+    ("points with a depth camera", "prior.depth", INVALID, |prior| {
+        prior.depth = Some(v1::DepthImage::default());
     }),
 ];
 

@@ -1,5 +1,6 @@
 //! What every test needs: a server to call, callers of both transports, and something to say.
 
+pub(crate) mod ball;
 mod caller;
 mod http;
 mod process;

@@ -44,7 +44,7 @@ async fn numbers_in_json_are_checked_like_packed_ones() {
     assert_eq!(text.fields, ["prior.points[1]"]);
     let far = refused(add(json!([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1e5, 0, 0]]))).await;
     assert_eq!((far.reason.as_str(), far.fields), ("NON_FINITE", vec!["prior.points".to_owned()]));
-    let image = http.request(Method::POST, "/v1/sessions/ball/priors").header("content-type", "image/png");
+    let image = http.request(Method::POST, "/v1/sessions/ball/priors").header("content-type", "image/jpeg");
     assert_eq!(refused(image.body("x")).await.reason, "UNSUPPORTED_MEDIA_TYPE");
     let file = |query: &str| {
         let path = format!("/v1/sessions/ball/priors?{query}");
@@ -53,6 +53,8 @@ async fn numbers_in_json_are_checked_like_packed_ones() {
     assert_eq!(refused(file("viewpoint=1,2")).await.fields, ["viewpoint"]);
     assert_eq!(refused(file("uncertainty=much")).await.fields, ["uncertainty"]);
     assert_eq!(refused(file("voxel=1")).await.fields, ["voxel"]);
+    assert_eq!(refused(file("fx=600")).await.fields, ["fx"], "that is for depth images");
+    assert_eq!(refused(file("point_step=16")).await.fields, ["prior.packed.x_offset"]);
 }
 
 #[tokio::test]

@@ -6,18 +6,28 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed, and says where")]
 
 mod agreement;
+mod arms;
 mod bad_input;
 mod browsers;
 mod clouds;
+mod clutter;
 mod concurrency;
+mod contact_faults;
 mod crash;
 mod deletion;
+mod depth;
+mod doubts;
+mod encodings;
 mod explore;
+mod field;
+mod formats;
 mod harness;
 mod http_only;
+mod leases;
 mod lifecycle;
 mod limits;
 mod meshes;
+mod motions;
 mod not_yet;
 mod openapi;
 mod operations;
@@ -27,4 +37,5 @@ mod proposals;
 mod retries;
 mod sse;
 mod strategies;
+mod touched_points;
 mod watch;

@@ -3,7 +3,7 @@
 use palpate_proto::v1;
 use reqwest::Method;
 
-use crate::harness::{Outcome, Server, Transport, accepted, cap, prior, question, reply};
+use crate::harness::{Outcome, Server, accepted, reply};
 
 #[track_caller]
 fn check<T: std::fmt::Debug>(outcome: Outcome<T>, what: &str) {
@@ -54,16 +54,6 @@ async fn calls_of_a_later_version_say_so_over_http() {
 async fn wishes_of_a_later_version_are_refused_and_not_ignored() {
     let server = Server::start().await;
     server.grpc().begin("ball").await;
-    for transport in Transport::BOTH {
-        let caller = server.caller(transport);
-        let lease = Some(palpate_proto::Duration { seconds: 5, nanos: 0 });
-        let leased = v1::ProposeContactsRequest { lease, ..question("ball", 1) };
-        check(caller.propose(leased).await, "lease");
-        let image = v1::VisualPrior { depth: Some(v1::DepthImage::default()), ..cap() };
-        let image =
-            v1::AddVisualPriorRequest { prior: Some(image), request_id: "image".into(), ..prior("ball") };
-        check(caller.add_prior(image).await, "depth");
-    }
     let glb = v1::GetMeshRequest {
         session_id: "ball".into(),
         format: v1::MeshFormat::Glb.into(),

@@ -121,7 +121,7 @@ const EVALUATION: [&str; 11] = [
     "--seeds",
     "4",
     "--attempts",
-    "4",
+    "10",
     "--jobs=1",
 ];
 
@@ -153,7 +153,7 @@ async fn an_interrupted_evaluation_keeps_its_runs_and_goes_on() {
     assert!(output.status.success(), "{output:?}");
     let text = String::from_utf8(output.stdout).unwrap();
     assert_eq!(text.matches(", seed ").count(), 16 - kept, "only what is missing is made: {text}");
-    assert_eq!((lines_of("runs.csv"), lines_of("attempts.csv")), (1 + 16, 1 + 16 * 5));
+    assert_eq!((lines_of("runs.csv"), lines_of("attempts.csv")), (1 + 16, 1 + 16 * 11));
     assert!(text.contains("16 runs: 2 objects, 4 seeds") && text.contains("table.md"), "{text}");
     assert!(text.lines().count() < 40, "the tables are in their file: {text}");
 }

@@ -93,11 +93,9 @@ fn exploration<'a>(
 ) -> Exploration<'a> {
     let never = StopRule { max_attempts: None, mean_uncertainty_below: None, max_consecutive_failures: None };
     Exploration {
-        body,
-        seed,
         settings: Settings { method: Method::Paper, strategy, stop: never, ..Settings::default() },
         attempts,
         camera: Camera { patch_share, ..Camera::default() },
-        tactile_noise_m: 0.0,
+        ..Exploration::new(body, seed)
     }
 }

@@ -141,12 +141,10 @@ fn explore(
     patch_share: f64,
 ) -> Result<Sample, Problem> {
     let exploration = Exploration {
-        body: &object.body,
-        seed,
         settings: Settings { strategy, ..Settings::default() },
         attempts,
         camera: Camera { patch_share, ..Camera::default() },
-        tactile_noise_m: 0.0,
+        ..Exploration::new(&object.body, seed)
     };
     let mut sample = Sample::default();
     let mut number = 0;

@@ -14,14 +14,12 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use nalgebra::{Rotation3, UnitQuaternion};
-use palpate_core::config::Settings;
 use palpate_core::evidence::{
     Attempt, Contact, ContactDetail, Evidence, Outcome, Sweep, Target, VisualPrior,
 };
 use palpate_core::exploration::ProposalRequest;
 use palpate_core::geometry::{Point, Pose, SurfaceIndex, Vector};
 use palpate_core::reconstruction::Reconstruction;
-use palpate_simulator::camera::Camera;
 use palpate_simulator::in_process::Exploration;
 use palpate_simulator::objects::{self, Object, Problem};
 use palpate_simulator::parallel::in_parallel;
@@ -103,14 +101,7 @@ fn measure(args: &Args) -> Result<(), Problem> {
 
 /// One exploration with all its twins.
 fn pairs_of(object: &Object, args: &Args) -> Result<Vec<Pair>, Problem> {
-    let exploration = Exploration {
-        body: &object.body,
-        seed: args.seed,
-        settings: Settings::default(),
-        attempts: args.attempts,
-        camera: Camera::default(),
-        tactile_noise_m: 0.0,
-    };
+    let exploration = Exploration { attempts: args.attempts, ..Exploration::new(&object.body, args.seed) };
     let mut log = vec![exploration.view()?];
     let (mut candidates, mut states) = (Vec::new(), Vec::new());
     exploration.run(|step| {
@@ -176,25 +167,31 @@ fn rotated(
             return Ok(Evidence::VisualPrior(VisualPrior::new(points, prior.uncertainty(), viewpoint)?));
         }
         Evidence::Attempt(attempt) => attempt,
+        Evidence::Moved(_) => return Ok(evidence.clone()),
     };
     let target = attempt.target.map(|t| Target::new(point(t.point()), matrix * t.normal().into_inner()));
+    let touch = |contact: &Contact| {
+        let detail = ContactDetail {
+            uncertainty: contact.uncertainty(),
+            swept_from: contact.swept_from().map(point),
+            normal: contact.normal().map(|normal| matrix * normal.into_inner()),
+            rest_wrench: None,
+        };
+        let centre = contact.point();
+        let facing = UnitQuaternion::rotation_between(&Vector::z(), &contact.approach());
+        let sensor = Pose::from_parts(centre.coords.into(), facing.unwrap_or_default());
+        Contact::new(pose(&sensor), *contact.wrench(), *contact.pad(), detail)
+    };
     let outcome = match &attempt.outcome {
-        Outcome::Contact(contact) => {
-            let detail = ContactDetail {
-                uncertainty: contact.uncertainty(),
-                swept_from: contact.swept_from().map(point),
-                normal: contact.normal().map(|normal| matrix * normal.into_inner()),
-            };
-            let centre = contact.point();
-            let facing = UnitQuaternion::rotation_between(&Vector::z(), &contact.approach());
-            let sensor = Pose::from_parts(centre.coords.into(), facing.unwrap_or_default());
-            let half_side_m = contact.pad_half_side_m();
-            Outcome::Contact(Contact::new(pose(&sensor), *contact.wrench(), half_side_m, detail)?)
+        Outcome::Contact(contact) => Outcome::Contact(touch(contact)?),
+        Outcome::Contacts { aimed, others } => {
+            let others = others.iter().map(touch).collect::<Result<_, _>>()?;
+            Outcome::Contacts { aimed: touch(aimed)?, others }
         }
         Outcome::NoContact(sweep) => {
             Outcome::NoContact(Sweep::new(point(sweep.from()), point(sweep.to()), sweep.radius_m())?)
         }
-        Outcome::Rejected => Outcome::Rejected,
+        Outcome::Rejected(reason) => Outcome::Rejected(*reason),
         Outcome::InvalidContact(sensor) => Outcome::InvalidContact(pose(sensor)),
     };
     Ok(Evidence::Attempt(Attempt { target: target.transpose()?, outcome }))

@@ -116,6 +116,11 @@ impl Body {
         self.centre
     }
 
+    /// The lowest and the highest corner of the bounding box.
+    pub fn bounds(&self) -> (Point, Point) {
+        bounds(&self.mesh)
+    }
+
     /// Radius of a ball about [`Self::centre`] that holds the object, in metres.
     pub fn radius_m(&self) -> f64 {
         self.radius_m

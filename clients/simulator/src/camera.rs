@@ -10,6 +10,7 @@ use rand::RngExt;
 use rand::seq::SliceRandom;
 
 use crate::body::Body;
+use crate::faults::{Faults, Pixels, hand_eye};
 use crate::random::{Stream, generator, standard_normal};
 
 /// From the camera to the centre of the object, in metres.
@@ -52,8 +53,29 @@ pub struct View {
 impl Camera {
     /// Takes the picture that belongs to `seed`.
     pub fn look(&self, body: &Body, seed: u64) -> View {
-        let Self { patch_share, depth_noise_m } = *self;
+        self.look_with(body, seed, &Faults::default())
+    }
+
+    /// Takes the picture that belongs to `seed` with what goes wrong in it.
+    pub fn look_with(&self, body: &Body, seed: u64, faults: &Faults) -> View {
         let viewpoint = viewpoint(body, seed);
+        let points = self.patch(body, seed, &viewpoint);
+        let pixels = Pixels::new(faults, points.len(), seed);
+        let mut view = View { viewpoint, points };
+        pixels.show_table(&mut view, body, seed);
+        let mut noise = generator(seed, Stream::DepthNoise);
+        for point in &mut view.points {
+            let ray = Direction::new_normalize(*point - viewpoint);
+            *point += ray.into_inner() * (self.depth_noise_m * standard_normal(&mut noise));
+        }
+        pixels.fly(&mut view, seed);
+        pixels.lose(&mut view);
+        hand_eye::shift(&mut view, faults.hand_eye_m, seed);
+        view
+    }
+
+    /// What is seen, of the surface and exactly.
+    fn patch(&self, body: &Body, seed: u64, viewpoint: &Point) -> Vec<Point> {
         let mut rng = generator(seed, Stream::Patch);
         let surface = SurfaceSampler::new(body.mesh())
             .map(|sampler| sampler.stratified(SURFACE_POINTS, &mut rng))
@@ -61,7 +83,7 @@ impl Camera {
         let mut patch: Vec<Point> = surface
             .into_iter()
             .map(|sample| sample.point)
-            .filter(|point| is_visible(body, &viewpoint, point))
+            .filter(|point| is_visible(body, viewpoint, point))
             .collect();
         if !patch.is_empty() {
             let centre = patch[rng.random_range(0..patch.len())];
@@ -71,15 +93,10 @@ impl Camera {
             });
         }
         // Every sample stands for the same area, so a share of the area is a share of the samples.
-        patch.truncate((patch_share * SURFACE_POINTS as f64) as usize);
+        patch.truncate((self.patch_share * SURFACE_POINTS as f64) as usize);
         patch.shuffle(&mut rng);
         patch.truncate(PATCH_POINTS);
-        let mut noise = generator(seed, Stream::DepthNoise);
-        for point in &mut patch {
-            let ray = Direction::new_normalize(*point - viewpoint);
-            *point += ray.into_inner() * (depth_noise_m * standard_normal(&mut noise));
-        }
-        View { viewpoint, points: patch }
+        patch
     }
 }
 
@@ -92,7 +109,8 @@ fn viewpoint(body: &Body, seed: u64) -> Point {
     body.centre() + towards * DISTANCE_M
 }
 
-fn is_visible(body: &Body, viewpoint: &Point, point: &Point) -> bool {
+/// Whether nothing of the object stands before this point of it or beside it.
+pub(crate) fn is_visible(body: &Body, viewpoint: &Point, point: &Point) -> bool {
     let sight = point - viewpoint;
     let distance = sight.norm();
     let Some(direction) = Direction::try_new(sight, 0.0) else {

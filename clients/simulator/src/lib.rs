@@ -6,6 +6,7 @@
 
 pub mod body;
 pub mod camera;
+pub mod faults;
 pub mod in_process;
 pub mod mesh_file;
 pub mod objects;
@@ -13,4 +14,5 @@ pub mod parallel;
 pub mod probe;
 mod random;
 pub mod robot;
+pub mod scene;
 pub mod shapes;

@@ -4,13 +4,20 @@
 //!   probe_start inside the object ... Early: touched before the window
 //!   the object in the window ........ Hit
 //!   the window free ................. Miss
+//!   reported though nothing touched . False, of the faults
 //! ```
 
+mod flat;
+mod outcome;
+mod pad;
+
 use nalgebra::{Rotation3, UnitQuaternion};
-use palpate_core::geometry::{Direction, Point, Pose, RayHit, Vector};
+use palpate_core::geometry::{Direction, Point, Pose, Vector};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
+pub use self::outcome::{Approach, Outcome, Touch};
+pub use self::pad::Pad;
 use crate::body::Body;
 use crate::random::{Stream, generator, standard_normal};
 
@@ -18,13 +25,19 @@ use crate::random::{Stream, generator, standard_normal};
 pub const CONTACT_FORCE_N: f64 = 5.0;
 /// Half the side of the square pad, in metres.
 pub const PAD_HALF_SIDE_M: f64 = 0.009;
+/// Standard deviation of each component of the force that a flat pad measures, in newtons.
+pub const FORCE_NOISE_N: f64 = 0.02;
+/// Standard deviation of each component of the torque that a flat pad measures, in newton metres.
+pub const TORQUE_NOISE_NM: f64 = 0.0001;
 /// How far outside the object's bounding ball a guarded approach begins, in metres.
 const CLEARANCE_M: f64 = 0.05;
 
 /// What the probe measures, and how badly.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ProbeSettings {
-    /// Standard deviation of the touched position along each axis, in metres.
+    /// What it touches with.
+    pub pad: Pad,
+    /// Standard deviation of the reported position along each axis, in metres.
     pub tactile_noise_m: f64,
     /// Whether the normal of the touched surface is measured.
     pub measures_normals: bool,
@@ -32,39 +45,52 @@ pub struct ProbeSettings {
     pub normal_noise_rad: f64,
 }
 
-/// Where to touch: from `start` to `end`, both in metres.
+/// Where an approach meets the object, exactly.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Approach {
-    /// Outside the estimated surface.
-    pub start: Point,
-    /// Inside the estimated surface.
-    pub end: Point,
+pub(crate) struct Meeting {
+    /// Whether that is before the approach's start.
+    pub(crate) is_early: bool,
+    /// Where the pad was going.
+    pub(crate) direction: Direction,
+    /// Where the free motion began.
+    pub(crate) swept_from: Point,
+    /// The pad's centre at the moment of contact.
+    pub(crate) centre: Point,
+    /// The centre of pressure about the pad's centre, in the sensor's frame, in metres; zero for a point.
+    pub(crate) offset: Vector,
+    /// Outward normal of the surface there.
+    pub(crate) normal: Direction,
 }
 
-/// How an approach ended.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Outcome {
-    /// Touched within the window from start to end.
-    Hit(Touch),
-    /// Touched before the window: a failure of the estimate, but a measurement all the same.
-    Early(Touch),
-    /// Nothing between start and end.
-    Miss,
+/// Pushes the pad from the approach's start to its end; `None` if it meets nothing.
+pub(crate) fn meet(pad: Pad, body: &Body, approach: Approach) -> Option<Meeting> {
+    let sweep = approach.end - approach.start;
+    let direction = Direction::try_new(sweep, 0.0)?;
+    match pad {
+        Pad::Point => meet_point(body, approach.start, &direction, sweep.norm()),
+        Pad::Flat => flat::meet(body, approach.start, &direction, sweep.norm()),
+    }
 }
 
-/// A measured contact.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Touch {
-    /// The pad's face: centred on the touched point, z out of the pad and into the object.
-    pub base_from_sensor: Pose,
-    /// What the object does to the pad, in the sensor's frame, in newtons: pressing gives z < 0.
-    pub force_n: Vector,
-    /// Likewise, in newton metres.
-    pub torque_nm: Vector,
-    /// Where the free motion that ended here began.
-    pub swept_from: Point,
-    /// Outward normal of the touched surface, if it is measured.
-    pub normal: Option<Direction>,
+fn meet_point(body: &Body, start: Point, direction: &Direction, reach_m: f64) -> Option<Meeting> {
+    let surface = body.surface();
+    // From an inside start the first hit would be a back face, so this is asked first.
+    let is_early = surface.contains(&start);
+    let (swept_from, reach_m) = if is_early {
+        let outside = outside_start(body, &start, direction);
+        (outside, (start - outside).norm())
+    } else {
+        (start, reach_m)
+    };
+    let hit = surface.first_hit(&swept_from, direction, reach_m)?;
+    Some(Meeting {
+        is_early,
+        direction: *direction,
+        swept_from,
+        centre: hit.point,
+        offset: Vector::zeros(),
+        normal: body.mesh().face_normal(hit.face),
+    })
 }
 
 /// A probe with its own streams of random numbers.
@@ -74,6 +100,7 @@ pub struct Probe {
     offset: ChaCha8Rng,
     tactile_noise: ChaCha8Rng,
     normal_noise: ChaCha8Rng,
+    wrench_noise: ChaCha8Rng,
 }
 
 impl Probe {
@@ -84,47 +111,44 @@ impl Probe {
             offset: generator(seed, Stream::Offset),
             tactile_noise: generator(seed, Stream::TactileNoise),
             normal_noise: generator(seed, Stream::NormalNoise),
+            wrench_noise: generator(seed, Stream::WrenchNoise),
         }
     }
 
     /// Pushes the pad from the approach's start to its end, or until it touches.
     pub fn touch(&mut self, body: &Body, approach: Approach) -> Outcome {
-        let sweep = approach.end - approach.start;
-        let Some(direction) = Direction::try_new(sweep, 0.0) else {
+        let Some(meeting) = meet(self.settings.pad, body, approach) else {
             return Outcome::Miss;
         };
-        let surface = body.surface();
-        // From an inside start the first hit would be a back face, so this is asked first.
-        if surface.contains(&approach.start) {
-            let outside = outside_start(body, &approach.start, &direction);
-            let reach = (approach.start - outside).norm();
-            return match surface.first_hit(&outside, &direction, reach) {
-                Some(hit) => Outcome::Early(self.measure(body, &direction, &hit, outside)),
-                None => Outcome::Miss,
-            };
-        }
-        match surface.first_hit(&approach.start, &direction, sweep.norm()) {
-            Some(hit) => Outcome::Hit(self.measure(body, &direction, &hit, approach.start)),
-            None => Outcome::Miss,
-        }
+        let touch = self.measure(&meeting);
+        if meeting.is_early { Outcome::Early(touch) } else { Outcome::Hit(touch) }
     }
 
-    fn measure(&mut self, body: &Body, direction: &Direction, hit: &RayHit, swept_from: Point) -> Touch {
+    fn measure(&mut self, meeting: &Meeting) -> Touch {
         let noise = Vector::from_fn(|_, _| standard_normal(&mut self.tactile_noise));
-        let touched = hit.point + noise * self.settings.tactile_noise_m;
-        // The offset on the pad makes torque only: the reported position is the touched point.
+        let position = meeting.centre + noise * self.settings.tactile_noise_m;
+        let base_from_sensor = Pose::from_parts(position.into(), facing(&meeting.direction));
+        let (force_n, torque_nm) = match self.settings.pad {
+            Pad::Point => self.point_wrench(),
+            Pad::Flat => self.flat_wrench(&base_from_sensor, meeting),
+        };
+        let normal = self.settings.measures_normals.then(|| self.perturbed(&meeting.normal));
+        Touch { base_from_sensor, force_n, torque_nm, swept_from: meeting.swept_from, normal }
+    }
+
+    /// The offset on the pad makes torque only: the reported position is the touched point.
+    fn point_wrench(&mut self) -> (Vector, Vector) {
         let mut across = || self.offset.random_range(-PAD_HALF_SIDE_M..=PAD_HALF_SIDE_M);
         let offset = Vector::new(across(), across(), 0.0);
         let force_n = -CONTACT_FORCE_N * Vector::z();
-        let normal =
-            self.settings.measures_normals.then(|| self.perturbed(&body.mesh().face_normal(hit.face)));
-        Touch {
-            base_from_sensor: Pose::from_parts(touched.into(), facing(direction)),
-            force_n,
-            torque_nm: offset.cross(&force_n),
-            swept_from,
-            normal,
-        }
+        (force_n, offset.cross(&force_n))
+    }
+
+    /// The force that the friction there lets through, at the centre of pressure, and the sensor's noise.
+    fn flat_wrench(&mut self, base_from_sensor: &Pose, meeting: &Meeting) -> (Vector, Vector) {
+        let normal = base_from_sensor.rotation.inverse() * meeting.normal;
+        let force_n = CONTACT_FORCE_N * flat::push_back(&normal).into_inner();
+        sensed((force_n, meeting.offset.cross(&force_n)), &mut self.wrench_noise)
     }
 
     /// A normal turned by a random angle about each of two tangents.
@@ -136,6 +160,12 @@ impl Probe {
     }
 }
 
+/// What the sensor of a flat pad makes of a force and a torque.
+pub(crate) fn sensed((force_n, torque_nm): (Vector, Vector), rng: &mut ChaCha8Rng) -> (Vector, Vector) {
+    let mut noise = |sd| Vector::from_fn(|_, _| sd * standard_normal(rng));
+    (force_n + noise(FORCE_NOISE_N), torque_nm + noise(TORQUE_NOISE_NM))
+}
+
 /// The point on the approach's line, before its start, that lies clear of the object.
 fn outside_start(body: &Body, start: &Point, direction: &Direction) -> Point {
     let clear = body.radius_m() + CLEARANCE_M;
@@ -144,7 +174,7 @@ fn outside_start(body: &Body, start: &Point, direction: &Direction) -> Point {
 }
 
 /// A rotation that turns the z axis to `direction`.
-fn facing(direction: &Direction) -> UnitQuaternion<f64> {
+pub(crate) fn facing(direction: &Direction) -> UnitQuaternion<f64> {
     // Any axis that is not parallel fixes the turn about z, which a square pad does not mind.
     let aside = if direction.z.abs() < 0.9 { Vector::z() } else { Vector::x() };
     UnitQuaternion::face_towards(direction, &aside)
@@ -152,6 +182,8 @@ fn facing(direction: &Direction) -> UnitQuaternion<f64> {
 
 #[cfg(test)]
 mod tests {
+    use palpate_core::geometry::Icosphere;
+
     use super::*;
     use crate::shapes;
 
@@ -227,6 +259,49 @@ mod tests {
     }
 
     #[test]
+    fn a_flat_pad_reports_its_centre_and_its_torque_tells_where_it_was_touched() {
+        let ball = Icosphere::get(6).mesh_of(|direction| Point::from(0.064 * direction.into_inner()));
+        let body = Body::new(&ball).unwrap();
+        let settings = ProbeSettings { pad: Pad::Flat, ..ProbeSettings::default() };
+        let mut probe = Probe::new(settings, 3);
+        for (y, z) in [(0.0, 0.0), (0.005, -0.004), (-0.003, 0.005)] {
+            let start = Point::new(0.075, y, z);
+            let outcome = probe.touch(&body, Approach { start, end: start + 0.03 * PUSH });
+            let Outcome::Hit(Touch { base_from_sensor, force_n, torque_nm, .. }) = outcome else {
+                panic!("a hit")
+            };
+            let position = base_from_sensor.translation.vector;
+            assert!((position - Vector::new(0.064, y, z)).norm() < 2e-4, "{position}");
+            let touched = base_from_sensor.inverse() * Point::new(0.064, 0.0, 0.0);
+            let torque = touched.coords.cross(&force_n);
+            assert!((torque - torque_nm).abs().max() < 5.0 * TORQUE_NOISE_NM + 5.0 * 3e-4, "{torque_nm}");
+            let offset = Vector::new(-torque_nm.y, torque_nm.x, 0.0) / force_n.z;
+            assert!((base_from_sensor * Point::from(offset)).yz().coords.norm() < 5e-4, "{offset}");
+            assert!((force_n + 5.0 * Vector::z()).abs().max() < 5.0 * FORCE_NOISE_N, "{force_n}");
+        }
+    }
+
+    #[test]
+    fn a_touch_with_the_rim_pushes_aside_as_far_as_friction_lets_it() {
+        let body = shapes::generate("ball").unwrap();
+        let settings = ProbeSettings { pad: Pad::Flat, measures_normals: true, ..ProbeSettings::default() };
+        // The rim passes the axis at half the radius, where the ball falls off by 30 degrees.
+        let start = Point::new(0.07, 0.032 + PAD_HALF_SIDE_M, 0.0);
+        let outcome = Probe::new(settings, 3).touch(&body, Approach { start, end: start + 0.03 * PUSH });
+        let Outcome::Hit(touch) = outcome else { panic!("a hit") };
+        let force = touch.base_from_sensor.rotation * touch.force_n;
+        assert!((force.norm() - CONTACT_FORCE_N).abs() < 5.0 * FORCE_NOISE_N);
+        let leans = force.angle(&Vector::x()).to_degrees();
+        assert!((leans - (30.0 - 0.3_f64.atan().to_degrees())).abs() < 2.0 && force.y > 0.0, "{force}");
+        assert!((touch.normal.unwrap().angle(&Vector::x()).to_degrees() - 30.0).abs() < 2.0);
+    }
+
+    #[test]
+    fn the_pad_decides_how_wide_a_free_path_is() {
+        assert_eq!([Pad::Point, Pad::Flat].map(Pad::sweep_radius_m), [0.0, PAD_HALF_SIDE_M]);
+    }
+
+    #[test]
     fn every_direction_gives_a_proper_pose() {
         for direction in [Vector::x(), -Vector::y(), Vector::z(), -Vector::z(), Vector::repeat(1.0)] {
             let direction = Direction::new_normalize(direction);
@@ -237,8 +312,12 @@ mod tests {
     #[test]
     fn noise_has_the_size_that_was_asked_for() {
         let body = shapes::generate("ball").unwrap();
-        let settings =
-            ProbeSettings { tactile_noise_m: 0.001, measures_normals: true, normal_noise_rad: 0.1 };
+        let settings = ProbeSettings {
+            tactile_noise_m: 0.001,
+            measures_normals: true,
+            normal_noise_rad: 0.1,
+            ..ProbeSettings::default()
+        };
         let mut probe = Probe::new(settings, 4);
         let approach = Approach { start: Point::new(0.075, 0.0, 0.0), end: Point::new(0.045, 0.0, 0.0) };
         let (mut position_squares, mut angle_squares) = (0.0, 0.0);

@@ -1,9 +1,10 @@
 //! Random numbers in separate streams, so that one more draw here changes nothing there.
 
+use palpate_core::geometry::{Direction, Vector};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// What the numbers are for.
+/// What the numbers are for. A new one goes to the end: a stream's place is its number.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Stream {
     View,
@@ -13,6 +14,13 @@ pub(crate) enum Stream {
     TactileNoise,
     NormalNoise,
     Shape,
+    WrenchNoise,
+    FalseContact,
+    Motion,
+    HandEye,
+    Pixels,
+    Table,
+    FlyingPixels,
 }
 
 /// The generator of one stream of a seed.
@@ -27,6 +35,11 @@ pub(crate) fn standard_normal(rng: &mut impl Rng) -> f64 {
     // One minus a number in [0, 1) is never zero, which the logarithm could not bear.
     let radius = (-2.0 * (1.0 - rng.random::<f64>()).ln()).sqrt();
     radius * (std::f64::consts::TAU * rng.random::<f64>()).cos()
+}
+
+/// A direction, uniform over the sphere.
+pub(crate) fn any_direction(rng: &mut impl Rng) -> Direction {
+    Direction::new_normalize(Vector::from_fn(|_, _| standard_normal(rng)))
 }
 
 #[cfg(test)]

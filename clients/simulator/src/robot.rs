@@ -21,7 +21,9 @@ use palpate_core::geometry::{Point, Pose, TriangleMesh, Vector};
 
 use crate::body::Body;
 use crate::camera::Camera;
-use crate::probe::{Approach, Outcome, Probe, ProbeSettings, Touch};
+use crate::faults::Faults;
+use crate::probe::{Approach, Outcome, ProbeSettings, Touch};
+use crate::scene::Scene;
 
 /// What a robot sets out to do.
 #[derive(Clone, Debug, Default)]
@@ -34,8 +36,10 @@ pub struct Plan {
     pub attempts: u32,
     /// How much is seen before the first touch, and how well.
     pub camera: Camera,
-    /// What the probe measures.
+    /// What is touched with, and what it measures.
     pub probe: ProbeSettings,
+    /// What goes wrong.
+    pub faults: Faults,
 }
 
 /// One attempt to touch and what the server made of it.
@@ -81,12 +85,13 @@ pub enum RobotError {
 #[derive(Debug)]
 pub struct Robot<'a> {
     client: Client,
-    body: &'a Body,
-    probe: Probe,
+    scene: Scene<'a>,
+    sweep_radius_m: f64,
     attempts_left: u32,
     attempt: u32,
     session: Session,
     next: Option<Candidate>,
+    view_warnings: Vec<String>,
     /// The faces of the last estimate and the tag under which the server knows them.
     topology: (String, Vec<[u32; 3]>),
 }
@@ -98,7 +103,8 @@ impl<'a> Robot<'a> {
     /// [`RobotError`] if the server refuses or does not answer.
     pub async fn begin(client: Client, body: &'a Body, plan: Plan) -> Result<Self, RobotError> {
         let created = client.create_session(plan.session).await?;
-        let view = plan.camera.look(body, plan.seed);
+        let scene = Scene::new(body, plan.probe, plan.faults, plan.seed);
+        let view = scene.look(&plan.camera);
         let points: Vec<[f64; 3]> = view.points.iter().map(|&point| point.into()).collect();
         let prior = palpate_client::visual_prior(&points, Some(view.viewpoint.into()));
         let reply = client
@@ -111,12 +117,13 @@ impl<'a> Robot<'a> {
             .await?;
         Ok(Self {
             client,
-            body,
-            probe: Probe::new(plan.probe, plan.seed),
+            scene,
+            sweep_radius_m: plan.probe.pad.sweep_radius_m(),
             attempts_left: plan.attempts,
             attempt: 0,
             session: reply.session.ok_or(RobotError::IncompleteReply("session"))?,
             next: reply.candidates.into_iter().next(),
+            view_warnings: reply.warnings,
             topology: Default::default(),
         })
     }
@@ -124,6 +131,16 @@ impl<'a> Robot<'a> {
     /// The session as of the last reply.
     pub fn session(&self) -> &Session {
         &self.session
+    }
+
+    /// What the server found odd about the view.
+    pub fn view_warnings(&self) -> &[String] {
+        &self.view_warnings
+    }
+
+    /// By what the object stands elsewhere than at the beginning, in metres, as of the last attempt.
+    pub fn displacement(&self) -> Vector {
+        self.scene.displacement()
     }
 
     /// Makes the next attempt; `None` when the exploration is finished.
@@ -141,7 +158,7 @@ impl<'a> Robot<'a> {
             start: from_wire(candidate.probe_start).ok_or(RobotError::IncompleteReply("probe_start"))?,
             end: from_wire(candidate.probe_end).ok_or(RobotError::IncompleteReply("probe_end"))?,
         };
-        let outcome = self.probe.touch(self.body, approach);
+        let outcome = self.scene.touch(approach);
         let robot = RobotContext { tool_pose: ended_at(&outcome, &candidate), ..RobotContext::default() };
         let reply = self
             .client
@@ -149,7 +166,7 @@ impl<'a> Robot<'a> {
                 session_id: self.session.session_id.clone(),
                 result: Some(ContactResult {
                     candidate_id: candidate.candidate_id.clone(),
-                    outcome: Some(reported(&outcome, approach)),
+                    outcome: Some(reported(&outcome, approach, self.sweep_radius_m)),
                     ..ContactResult::default()
                 }),
                 propose: 1,
@@ -228,23 +245,22 @@ impl<'a> Robot<'a> {
     }
 }
 
-fn reported(outcome: &Outcome, approach: Approach) -> ReportedOutcome {
-    match outcome {
-        Outcome::Hit(touch) | Outcome::Early(touch) => ReportedOutcome::Contact(contact(touch)),
-        Outcome::Miss => ReportedOutcome::NoContact(NoContact {
+fn reported(outcome: &Outcome, approach: Approach, sweep_radius_m: f64) -> ReportedOutcome {
+    match outcome.contact() {
+        Some(touch) => ReportedOutcome::Contact(contact(touch)),
+        None => ReportedOutcome::NoContact(NoContact {
             swept_from: Some(to_wire(&approach.start.coords)),
             swept_to: Some(to_wire(&approach.end.coords)),
-            // The simulated probe is a ray.
-            sweep_radius_m: 0.0,
+            sweep_radius_m,
         }),
     }
 }
 
 /// Where the tool stands after an approach, its pad being its origin.
 fn ended_at(outcome: &Outcome, candidate: &Candidate) -> Option<WirePose> {
-    match outcome {
-        Outcome::Hit(touch) | Outcome::Early(touch) => Some(pose(&touch.base_from_sensor)),
-        Outcome::Miss => candidate.tool_pose.map(|tool| WirePose { position: candidate.probe_end, ..tool }),
+    match outcome.contact() {
+        Some(touch) => Some(pose(&touch.base_from_sensor)),
+        None => candidate.tool_pose.map(|tool| WirePose { position: candidate.probe_end, ..tool }),
     }
 }
 
@@ -280,6 +296,7 @@ fn from_wire(vector: Option<Vector3>) -> Option<Point> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::probe::{PAD_HALF_SIDE_M, Probe};
     use crate::shapes;
 
     fn approach_to_ball(x: f64) -> Approach {
@@ -291,7 +308,9 @@ mod tests {
         let body = shapes::generate("ball").unwrap();
         let approach = approach_to_ball(0.06);
         let outcome = Probe::new(ProbeSettings::default(), 1).touch(&body, approach);
-        let ReportedOutcome::Contact(contact) = reported(&outcome, approach) else { panic!("a contact") };
+        let ReportedOutcome::Contact(contact) = reported(&outcome, approach, 0.0) else {
+            panic!("a contact")
+        };
         let position = from_wire(contact.sensor_pose.and_then(|pose| pose.position)).unwrap();
         assert!((position.x - 0.064).abs() < 2e-4);
         assert_eq!(contact.wrench.and_then(|wrench| wrench.force).unwrap().z, -5.0);
@@ -304,11 +323,14 @@ mod tests {
         let body = shapes::generate("ball").unwrap();
         let mut probe = Probe::new(ProbeSettings::default(), 1);
         let early = probe.touch(&body, approach_to_ball(0.03));
-        assert!(matches!(reported(&early, approach_to_ball(0.03)), ReportedOutcome::Contact(_)));
+        assert!(matches!(reported(&early, approach_to_ball(0.03), 0.0), ReportedOutcome::Contact(_)));
         let approach = approach_to_ball(0.1);
         let miss = probe.touch(&body, approach);
-        let ReportedOutcome::NoContact(free) = reported(&miss, approach) else { panic!("free space") };
+        let ReportedOutcome::NoContact(free) = reported(&miss, approach, PAD_HALF_SIDE_M) else {
+            panic!("free space")
+        };
         assert_eq!(from_wire(free.swept_from).unwrap(), approach.start);
         assert_eq!(from_wire(free.swept_to).unwrap(), approach.end);
+        assert_eq!(free.sweep_radius_m, PAD_HALF_SIDE_M);
     }
 }

@@ -1,6 +1,11 @@
 //! One approach of the probe and what became of it.
 
+use nalgebra::{Quaternion, UnitQuaternion};
+
 use super::check::{check_direction, check_point, check_unit, check_vector};
+use super::pad::{Pad, Pressure};
+use super::rejection::RejectReason;
+use super::wrench::Wrench;
 use crate::error::FieldError;
 use crate::geometry::{Direction, Point, Pose, Vector};
 
@@ -51,34 +56,46 @@ pub struct Attempt {
     pub outcome: Outcome,
 }
 
+impl Attempt {
+    /// The contacts, the one that was aimed first; none unless something was touched.
+    pub fn contacts(&self) -> impl Iterator<Item = &Contact> {
+        let (aimed, others) = match &self.outcome {
+            Outcome::Contact(contact) => (Some(contact), &[][..]),
+            Outcome::Contacts { aimed, others } => (Some(aimed), others.as_slice()),
+            Outcome::NoContact(_) | Outcome::Rejected(_) | Outcome::InvalidContact(_) => (None, &[][..]),
+        };
+        aimed.into_iter().chain(others)
+    }
+}
+
 /// What became of an approach.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Outcome {
     /// The pad touched the object.
     Contact(Contact),
+    /// Several pads touched at once.
+    Contacts {
+        /// By the pad that aimed at the candidate: whether the attempt succeeded is judged by it.
+        aimed: Contact,
+        /// By the others.
+        others: Vec<Contact>,
+    },
     /// The whole path was free.
     NoContact(Sweep),
     /// Never tried: out of reach, in collision, stopped.
-    Rejected,
+    Rejected(RejectReason),
     /// Something other than the pad touched, at this pose of the sensor.
     InvalidContact(Pose),
-}
-
-/// Force and torque on the sensor, in its own frame (N, N m); z is the pad's outward normal.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Wrench {
-    /// Force, in newtons; pressing on an object gives a negative z.
-    pub force: Vector,
-    /// Torque about the centre of the pad, in newton metres.
-    pub torque: Vector,
 }
 
 /// A touch by the pad.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contact {
     base_from_sensor: Pose,
+    /// Without what the sensor showed at rest.
     wrench: Wrench,
-    pad_half_side_m: f64,
+    rest_wrench: Option<Wrench>,
+    pad: Pad,
     uncertainty: Option<f64>,
     swept_from: Option<Point>,
     normal: Option<Direction>,
@@ -93,25 +110,27 @@ pub struct ContactDetail {
     pub swept_from: Option<Point>,
     /// The measured outward normal of the surface.
     pub normal: Option<Vector>,
+    /// What the sensor showed before the approach, touching nothing.
+    pub rest_wrench: Option<Wrench>,
 }
 
 impl Contact {
     /// Checks a touch. `base_from_sensor` is the centre of the pad's face at the moment of contact.
     ///
     /// # Errors
-    /// A number that is not finite, a pad without size, or a normal without length.
+    /// A number that is not finite, or a normal without length.
     pub fn new(
         base_from_sensor: Pose,
         wrench: Wrench,
-        pad_half_side_m: f64,
+        pad: Pad,
         detail: ContactDetail,
     ) -> Result<Self, FieldError> {
         check_point("sensor_pose.position", &base_from_sensor.translation.vector.into())?;
         check_vector("wrench.force", &wrench.force)?;
         check_vector("wrench.torque", &wrench.torque)?;
-        if !(1e-5..=1.0).contains(&pad_half_side_m) {
-            let reason = format!("{pad_half_side_m} m is not between 0.00001 m and 1 m");
-            return Err(FieldError::invalid("pad_half_side_m", reason));
+        if let Some(rest) = &detail.rest_wrench {
+            check_vector("rest_wrench.force", &rest.force)?;
+            check_vector("rest_wrench.torque", &rest.torque)?;
         }
         if let Some(u) = detail.uncertainty {
             check_unit("uncertainty", u)?;
@@ -120,10 +139,12 @@ impl Contact {
             check_point("swept_from", from)?;
         }
         let normal = detail.normal.map(|normal| check_direction("normal", normal)).transpose()?;
+        let rest = detail.rest_wrench.unwrap_or_default();
         Ok(Self {
             base_from_sensor,
-            wrench,
-            pad_half_side_m,
+            wrench: Wrench { force: wrench.force - rest.force, torque: wrench.torque - rest.torque },
+            rest_wrench: detail.rest_wrench,
+            pad,
             uncertainty: detail.uncertainty,
             swept_from: detail.swept_from,
             normal,
@@ -140,16 +161,27 @@ impl Contact {
         Self {
             base_from_sensor: pose(&self.base_from_sensor),
             wrench: self.wrench,
-            pad_half_side_m: self.pad_half_side_m,
+            rest_wrench: self.rest_wrench,
+            pad: self.pad,
             uncertainty: self.uncertainty,
             swept_from: self.swept_from.as_ref().map(point),
             normal: self.normal.as_ref().map(direction),
         }
     }
 
-    /// The touched point: the centre of the pad's face, in metres.
+    /// The centre of the pad's face, in metres.
     pub fn point(&self) -> Point {
         self.base_from_sensor.translation.vector.into()
+    }
+
+    /// Pose of the sensor's frame.
+    pub fn base_from_sensor(&self) -> &Pose {
+        &self.base_from_sensor
+    }
+
+    /// Where on the pad the force acts.
+    pub fn pressure(&self) -> Pressure {
+        self.pad.pressure(&self.wrench)
     }
 
     /// The direction in which the pad faces, which is that of the approach.
@@ -157,14 +189,26 @@ impl Contact {
         self.base_from_sensor.rotation * Vector::z_axis()
     }
 
-    /// Force and torque on the sensor.
+    /// The direction in which the pad would face if its quaternion had been sent with w first.
+    pub(super) fn approach_if_w_first(&self) -> Direction {
+        let sent = self.base_from_sensor.rotation.coords;
+        let meant = Quaternion::new(sent.x, sent.y, sent.z, sent.w);
+        UnitQuaternion::from_quaternion(meant) * Vector::z_axis()
+    }
+
+    /// Force and torque on the sensor, without what it showed at rest.
     pub fn wrench(&self) -> &Wrench {
         &self.wrench
     }
 
-    /// Half the side of the pad's square face, in metres.
-    pub fn pad_half_side_m(&self) -> f64 {
-        self.pad_half_side_m
+    /// What the sensor showed at rest, where it was given.
+    pub fn rest_wrench(&self) -> Option<&Wrench> {
+        self.rest_wrench.as_ref()
+    }
+
+    /// The pad.
+    pub fn pad(&self) -> &Pad {
+        &self.pad
     }
 
     /// The caller's own uncertainty, where it was given.
@@ -180,6 +224,42 @@ impl Contact {
     /// The measured outward normal of the surface, where it was given.
     pub fn normal(&self) -> Option<&Direction> {
         self.normal.as_ref()
+    }
+}
+
+/// A motion of the object that the caller knows of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Moved {
+    new_from_old: Pose,
+    std_m: f64,
+}
+
+impl Moved {
+    /// A point of the object that was at `p` is at `new_from_old * p`, known up to `std_m` metres.
+    ///
+    /// # Errors
+    /// A number that is not finite, or a deviation outside 0..1 m.
+    pub fn new(new_from_old: Pose, std_m: f64) -> Result<Self, FieldError> {
+        check_point("new_from_old.position", &new_from_old.translation.vector.into())?;
+        if !(0.0..=1.0).contains(&std_m) {
+            return Err(FieldError::invalid("std_m", format!("{std_m} m is not between 0 m and 1 m")));
+        }
+        Ok(Self { new_from_old, std_m })
+    }
+
+    /// The motion.
+    pub fn new_from_old(&self) -> &Pose {
+        &self.new_from_old
+    }
+
+    /// How well it is known, in metres.
+    pub fn std_m(&self) -> f64 {
+        self.std_m
+    }
+
+    /// The same motion in another frame, `frame_from_base` of which is given.
+    pub(super) fn seen_from(&self, frame_from_base: &Pose) -> Self {
+        Self { new_from_old: frame_from_base * self.new_from_old * frame_from_base.inverse(), ..*self }
     }
 }
 
@@ -245,7 +325,8 @@ mod tests {
     #[test]
     fn a_normal_without_length_is_refused() {
         let detail = ContactDetail { normal: Some(Vector::zeros()), ..ContactDetail::default() };
-        let error = Contact::new(Pose::identity(), Wrench::default(), 0.009, detail).unwrap_err();
+        let error =
+            Contact::new(Pose::identity(), Wrench::default(), Pad::new(0.009).unwrap(), detail).unwrap_err();
         assert_eq!(error.field, "normal");
     }
 }

@@ -2,8 +2,7 @@
 //! (Sections III-B and III-C).
 
 use super::attempt::Contact;
-use crate::fingerprint::Fingerprint;
-use crate::geometry::Point;
+use crate::geometry::{Point, Vector};
 
 /// Which sense measured an attractor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -12,6 +11,8 @@ pub enum Sense {
     Vision,
     /// The tactile pad.
     Touch,
+    /// Not touched: where the object stands on its support.
+    Support,
     /// Not touched itself, but next to a touch, on the plane that its measured normal tells of.
     Tangent,
 }
@@ -19,22 +20,56 @@ pub enum Sense {
 /// A measured point of the object's surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Attractor {
-    /// Where, in metres.
+    /// Where, in metres, corrected by what is believed of rigid offsets.
     pub point: Point,
     /// Unreliability of the measurement, in [0, 1].
     pub uncertainty: f64,
     /// Which sense measured it.
     pub sense: Sense,
+    /// Where it comes from, and what is believed of it.
+    pub provenance: Provenance,
 }
 
 impl Attractor {
-    /// Adds itself to a fingerprint.
-    pub(crate) fn fingerprint(&self, fingerprint: &mut Fingerprint) {
-        let Self { point, uncertainty, sense } = self;
-        fingerprint.vector(&point.coords);
-        fingerprint.number(*uncertainty);
-        fingerprint.count(*sense as usize);
+    /// A point that is believed as it is.
+    pub fn new(point: Point, uncertainty: f64, sense: Sense) -> Self {
+        Self { point, uncertainty, sense, provenance: Provenance::default() }
     }
+}
+
+/// Where an attractor comes from, and what METHOD_PALPATE believes of it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Provenance {
+    /// The number of its view among the views, or of its touch among the touches.
+    pub source: usize,
+    /// The probability that it is no point of the surface, in [0, 1].
+    pub doubt: f64,
+    /// Standard deviation across the approach, in metres: of where on the pad the touch was.
+    pub lateral_m: f64,
+    /// The direction of the approach; zero for what was seen.
+    pub approach: Vector,
+    /// What its point was corrected by, in metres.
+    pub correction: Vector,
+    /// The rigid offsets that it shares with others.
+    pub rigid: [Option<Rigid>; 2],
+}
+
+/// A rigid offset that all points of a group share.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rigid {
+    /// The group.
+    pub group: Group,
+    /// Standard deviation of the offset in each direction before any touch, in metres.
+    pub std_m: f64,
+}
+
+/// What may be off as a whole.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Group {
+    /// A view, by its number.
+    View(usize),
+    /// All that was measured before the object's last motion.
+    BeforeMotion,
 }
 
 /// The uncertainty of a touch from its wrench, in [0, `u_max`]; Eq. (1).
@@ -44,54 +79,22 @@ impl Attractor {
 /// of it at a corner. A wrench of zero says nothing about the place, and counts as `u_max`.
 pub fn contact_uncertainty(contact: &Contact, u_max: f64) -> f64 {
     let wrench = contact.wrench();
-    let lever = (wrench.torque.x.abs() + wrench.torque.y.abs()) / contact.pad_half_side_m();
+    let lever = (wrench.torque.x.abs() + wrench.torque.y.abs()) / contact.pad().half_side_m();
     let load = 2.0 * wrench.force.z.abs() + lever; // Eq. (1), denominator
     if load > 0.0 { u_max * lever / load } else { u_max }
-}
-
-/// What is physically doubtful about a touch's wrench, in words for the caller.
-pub fn wrench_warnings(contact: &Contact) -> Vec<String> {
-    let wrench = contact.wrench();
-    let mut warnings = Vec::new();
-    if wrench.force.norm() == 0.0 && wrench.torque.norm() == 0.0 {
-        warnings
-            .push("wrench: force and torque are zero, so the contact's uncertainty is tactile_u_max".into());
-    }
-    if wrench.force.z > 0.0 {
-        warnings.push(format!(
-            "wrench.force.z: {} N pulls on the pad; pressing on an object gives a negative z",
-            wrench.force.z
-        ));
-    }
-    let half_diagonal_m = std::f64::consts::SQRT_2 * contact.pad_half_side_m();
-    if wrench.torque.norm() > wrench.force.norm() * half_diagonal_m {
-        warnings.push(format!(
-            "wrench.torque: {:.4} N m is more than {:.3} N can exert on a pad of half side {} m",
-            wrench.torque.norm(),
-            wrench.force.norm(),
-            contact.pad_half_side_m()
-        ));
-    }
-    warnings
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evidence::{ContactDetail, Wrench};
+    use crate::evidence::{ContactDetail, Pad, Wrench};
     use crate::geometry::{Pose, Vector};
 
     const HALF_SIDE_M: f64 = 0.009;
 
-    /// A push of 5 N at an offset on the pad.
-    fn contact_at(x: f64, y: f64) -> Contact {
-        let force = Vector::new(0.0, 0.0, -5.0);
-        let torque = Vector::new(x, y, 0.0).cross(&force);
-        contact(Wrench { force, torque })
-    }
-
     fn contact(wrench: Wrench) -> Contact {
-        Contact::new(Pose::identity(), wrench, HALF_SIDE_M, ContactDetail::default()).unwrap()
+        Contact::new(Pose::identity(), wrench, Pad::new(HALF_SIDE_M).unwrap(), ContactDetail::default())
+            .unwrap()
     }
 
     #[test]
@@ -99,28 +102,15 @@ mod tests {
         for (x, y, share) in
             [(0.0, 0.0, 0.0), (HALF_SIDE_M, 0.0, 1.0 / 3.0), (HALF_SIDE_M, -HALF_SIDE_M, 0.5)]
         {
-            let u = contact_uncertainty(&contact_at(x, y), 0.2);
+            let force = Vector::new(0.0, 0.0, -5.0);
+            let torque = Vector::new(x, y, 0.0).cross(&force);
+            let u = contact_uncertainty(&contact(Wrench { force, torque }), 0.2);
             assert!((u - 0.2 * share).abs() < 1e-12, "{u} at ({x}, {y})");
         }
     }
 
     #[test]
-    fn a_zero_wrench_counts_as_u_max_and_is_warned_about() {
-        let contact = contact(Wrench::default());
-        assert_eq!(contact_uncertainty(&contact, 0.2), 0.2);
-        assert!(wrench_warnings(&contact)[0].contains("zero"));
-    }
-
-    #[test]
-    fn a_plausible_wrench_has_no_warning() {
-        assert!(wrench_warnings(&contact_at(0.004, 0.002)).is_empty());
-    }
-
-    #[test]
-    fn a_pull_and_an_impossible_torque_are_warned_about() {
-        let pull = Wrench { force: Vector::new(0.0, 0.0, 2.0), torque: Vector::zeros() };
-        assert!(wrench_warnings(&contact(pull))[0].contains("negative z"));
-        let twist = Wrench { force: Vector::new(0.0, 0.0, -1.0), torque: Vector::new(0.1, 0.0, 0.0) };
-        assert!(wrench_warnings(&contact(twist))[0].starts_with("wrench.torque"));
+    fn a_zero_wrench_counts_as_u_max() {
+        assert_eq!(contact_uncertainty(&contact(Wrench::default()), 0.2), 0.2);
     }
 }

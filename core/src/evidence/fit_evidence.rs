@@ -1,10 +1,11 @@
-//! What METHOD_PALPATE fits: all that was seen, touched and swept, thinned.
+//! What METHOD_PALPATE fits: all that was seen, touched and swept, as it is read, thinned.
 
-use super::attractor::Attractor;
+use super::attractor::{Attractor, Sense};
 use super::free_space::FreeSpace;
 use super::ledger::Ledger;
+use super::reading::{DOUBTED, Reading};
 use super::thinning;
-use crate::config::Stages;
+use crate::config::Config;
 use crate::geometry::Point;
 
 /// Visual points that are kept: they lie so close together that more of them add no information.
@@ -12,27 +13,43 @@ const VISUAL_POINTS: usize = 100;
 
 /// The evidence as template and local stage read it, in the work frame.
 #[derive(Debug)]
-pub(crate) struct FitEvidence<'a> {
+pub(crate) struct FitEvidence {
     /// Thinned visual points, then all touches.
     pub(crate) attractors: Vec<Attractor>,
     /// The attractors, and after them the points that measured normals add.
     pub(crate) measured: Vec<Attractor>,
     /// Where the object is not, and where it is.
-    pub(crate) free_space: &'a FreeSpace,
+    pub(crate) free_space: FreeSpace,
     /// Where the camera stood, in metres.
-    pub(crate) viewpoint: Option<&'a Point>,
+    pub(crate) viewpoint: Option<Point>,
 }
 
-impl<'a> FitEvidence<'a> {
+impl FitEvidence {
+    /// The attractors that are not doubted.
+    pub(crate) fn believed(&self) -> impl Iterator<Item = &Attractor> {
+        self.attractors.iter().filter(|attractor| attractor.provenance.doubt < DOUBTED)
+    }
+
     /// The evidence of a ledger, as far as the stages in use look at it.
-    pub(crate) fn of(ledger: &'a Ledger, stages: &Stages) -> Self {
-        let attractors = thinning::thin_visual(&ledger.attractors, VISUAL_POINTS, stages.visual_means);
-        let free_space = if stages.free_space { &ledger.free_space } else { FreeSpace::unknown() };
+    pub(crate) fn of(ledger: &Ledger, reading: &Reading, config: &Config) -> Self {
+        let stages = &config.stages;
+        let attractors = reading.attractors(ledger, config.tactile_u_max);
+        let mut measured = thinning::thin_visual(&attractors, VISUAL_POINTS, stages.visual_means);
+        let is_attractor = |attractor: &Attractor| matches!(attractor.sense, Sense::Vision | Sense::Touch);
+        let mut free_space = if stages.free_space {
+            reading.free_space(ledger, config.probe_half_travel_m)
+        } else {
+            FreeSpace::default()
+        };
+        if let Some(support) = &ledger.support {
+            free_space.add_support(support, &measured);
+            measured.extend(reading.stands_at.map(|foot| Attractor::new(foot, 0.0, Sense::Support)));
+        }
         Self {
-            measured: [&attractors[..], &ledger.tangents].concat(),
-            attractors,
+            attractors: measured.iter().copied().filter(is_attractor).collect(),
+            measured,
             free_space,
-            viewpoint: ledger.viewpoint.as_ref(),
+            viewpoint: reading.viewpoint(ledger),
         }
     }
 }

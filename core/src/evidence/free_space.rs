@@ -1,8 +1,8 @@
 //! Where the object is not: the segments that the probe has swept without touching anything.
 
 use super::attempt::{Contact, Sweep, Target};
-use crate::fingerprint::Fingerprint;
-use crate::geometry::{Direction, Point, around};
+use super::attractor::Attractor;
+use crate::geometry::{Direction, Plane, Point, Vector, around};
 
 /// Distance between samples of a segment, in metres.
 const SPACING_M: f64 = 0.010;
@@ -12,6 +12,9 @@ const CLEARANCE_M: f64 = 0.003;
 const REACH_M: f64 = 0.060;
 /// A probe with a smaller radius counts as thin, in metres.
 const LEAST_RADIUS_M: f64 = 0.001;
+/// What lies under a support is sampled at least this far around, in metres, at so many places to each side.
+const UNDER_REACH_M: f64 = 0.04;
+const UNDER_STEPS: i32 = 3;
 /// Lines along the rim of the path of a wide probe.
 const RIM_POINTS: usize = 6;
 
@@ -23,12 +26,6 @@ pub struct FreeSpace {
 }
 
 impl FreeSpace {
-    /// Nothing is known.
-    pub(crate) fn unknown() -> &'static Self {
-        static UNKNOWN: FreeSpace = FreeSpace { outside: Vec::new(), inside: Vec::new() };
-        &UNKNOWN
-    }
-
     /// Points outside, in metres.
     pub fn outside(&self) -> &[Point] {
         &self.outside
@@ -54,28 +51,55 @@ impl FreeSpace {
         }
     }
 
-    /// Enters the segment that ended in a touch, `travel_m` being how far outside its candidate the
-    /// probe was to start. A touch before that start says that the start lies inside.
-    pub fn add_approach(&mut self, contact: &Contact, target: Option<&Target>, travel_m: f64) {
-        let touched = contact.point();
+    /// Enters the segment that ended in a touch at `touched`, `travel_m` being how far outside its candidate
+    /// the probe was to start. A touch before that start says that the start lies inside.
+    pub fn add_approach(
+        &mut self,
+        touched: &Point,
+        contact: &Contact,
+        target: Option<&Target>,
+        travel_m: f64,
+    ) {
+        let (centre, approach) = (contact.point(), contact.approach());
+        let beside = touched - centre;
         let planned = target.map(|target| target.point() + target.normal().into_inner() * travel_m);
         if let Some(from) = contact.swept_from().copied().or(planned) {
-            let back = from - touched;
+            let back = from - centre;
             let length = back.norm();
             // A start behind the touch was never reached, and nothing is known of the segment to it.
-            if length > CLEARANCE_M && back.dot(&contact.approach()) < 0.0 {
+            if length > CLEARANCE_M && back.dot(&approach) < 0.0 {
                 let at = |distance_m: f64| touched + back * (distance_m / length);
                 self.add_segment(&at(CLEARANCE_M), &at(length.min(REACH_M)));
             }
         }
-        self.inside.extend(planned.filter(|start| (start - touched).dot(&contact.approach()) > CLEARANCE_M));
+        let starts = planned.map(|start| start + beside);
+        self.inside.extend(starts.filter(|start| (start - touched).dot(&approach) > CLEARANCE_M));
     }
 
-    /// Adds itself to a fingerprint.
-    pub(crate) fn fingerprint(&self, fingerprint: &mut Fingerprint) {
-        let Self { outside, inside } = self;
-        fingerprint.points(outside);
-        fingerprint.points(inside);
+    /// Enters the face of a pad that touched with its rim, at `touched`: the rest of the face was free.
+    pub fn add_face(&mut self, touched: &Point, contact: &Contact) {
+        let (pose, half_side_m) = (contact.base_from_sensor(), contact.pad().half_side_m());
+        let sides = [-1.0, 0.0, 1.0];
+        let places =
+            sides.iter().flat_map(|x| sides.iter().map(move |y| Point::new(*x, *y, 0.0) * half_side_m));
+        let face = places.map(|place| pose * place - contact.approach().into_inner() * CLEARANCE_M);
+        self.outside.extend(face.filter(|place| (place - touched).norm() > half_side_m));
+    }
+
+    /// Enters what lies under the plane that the object stands on, as far as the object may reach.
+    pub(super) fn add_support(&mut self, support: &Plane, attractors: &[Attractor]) {
+        let feet: Vec<Point> = attractors.iter().map(|attractor| support.foot(&attractor.point)).collect();
+        let centre = feet.iter().map(|foot| foot.coords).sum::<Vector>() / feet.len().max(1) as f64;
+        let reach_m = feet.iter().map(|foot| (foot.coords - centre).norm()).fold(UNDER_REACH_M, f64::max);
+        let (x, y) = support.axes();
+        let under = centre - support.normal().into_inner() * CLEARANCE_M;
+        let steps = -UNDER_STEPS..=UNDER_STEPS;
+        let share = |step: i32| 1.5 * reach_m * f64::from(step) / f64::from(UNDER_STEPS);
+        self.outside.extend(
+            steps
+                .clone()
+                .flat_map(|i| steps.clone().map(move |j| Point::from(under + x * share(i) + y * share(j)))),
+        );
     }
 
     fn add_segment(&mut self, from: &Point, to: &Point) {
@@ -88,14 +112,14 @@ impl FreeSpace {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evidence::{ContactDetail, Wrench};
-    use crate::geometry::{Pose, Vector};
+    use crate::evidence::{ContactDetail, Pad, Wrench};
+    use crate::geometry::Pose;
 
     /// A touch at the origin, coming down the z axis.
     fn touch(swept_from: Option<Point>) -> Contact {
         let pose = Pose::rotation(Vector::x() * std::f64::consts::PI);
         let detail = ContactDetail { swept_from, ..ContactDetail::default() };
-        Contact::new(pose, Wrench::default(), 0.009, detail).unwrap()
+        Contact::new(pose, Wrench::default(), Pad::new(0.009).unwrap(), detail).unwrap()
     }
 
     fn target(z: f64) -> Target {
@@ -125,7 +149,7 @@ mod tests {
     #[test]
     fn the_segment_to_a_touch_is_free_up_to_a_little_before_it() {
         let mut space = FreeSpace::default();
-        space.add_approach(&touch(Some(Point::new(0.0, 0.0, 0.5))), None, 0.015);
+        space.add_approach(&Point::origin(), &touch(Some(Point::new(0.0, 0.0, 0.5))), None, 0.015);
         let heights = space.outside().iter().map(|point| point.z);
         assert!((heights.clone().fold(f64::INFINITY, f64::min) - 0.003).abs() < 1e-12);
         assert!((heights.fold(0.0, f64::max) - 0.060).abs() < 1e-12);
@@ -135,10 +159,11 @@ mod tests {
     #[test]
     fn a_touch_before_the_planned_start_says_that_the_start_is_inside() {
         let mut space = FreeSpace::default();
-        space.add_approach(&touch(Some(Point::new(0.0, 0.0, 0.1))), Some(&target(-0.04)), 0.015);
+        let early = touch(Some(Point::new(0.0, 0.0, 0.1)));
+        space.add_approach(&Point::origin(), &early, Some(&target(-0.04)), 0.015);
         assert_eq!(space.inside(), [Point::new(0.0, 0.0, -0.025)]);
         space = FreeSpace::default();
-        space.add_approach(&touch(None), Some(&target(0.002)), 0.015);
+        space.add_approach(&Point::origin(), &touch(None), Some(&target(0.002)), 0.015);
         assert!(space.inside().is_empty() && !space.outside().is_empty());
     }
 }

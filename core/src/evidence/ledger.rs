@@ -1,14 +1,16 @@
 //! The ledger: evidence sorted into what pulls the surface, what failed, and how often.
 
-use super::attempt::{Attempt, Contact, Outcome};
-use super::attractor::{Attractor, Sense, contact_uncertainty, wrench_warnings};
-use super::free_space::FreeSpace;
+use super::attempt::{Attempt, Contact, Moved, Outcome, Sweep, Target};
+use super::attractor::contact_uncertainty;
+use super::rejection::Rejection;
 use super::visual_prior::VisualPrior;
-use super::{Evidence, tangent};
+use super::wrench::Wrench;
+use super::{Evidence, wrench_check};
 use crate::config::Config;
 use crate::error::Error;
 use crate::fingerprint::Fingerprint;
-use crate::geometry::{Direction, Point};
+use crate::geometry::{Direction, Plane, Point, Pose};
+use crate::warning::{Warning, WarningKind};
 
 /// An attempt that did not end in a touch where the estimate expected one.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -64,19 +66,71 @@ impl Tallies {
     }
 }
 
+/// A cloud of visual points.
+#[derive(Clone, Debug)]
+pub struct View {
+    /// The number of the piece of evidence, from 0.
+    pub at: usize,
+    /// What was seen.
+    pub prior: VisualPrior,
+    /// Uncertainty of its points, in [0, 1].
+    pub uncertainty: f64,
+}
+
+/// A touch by a pad.
+#[derive(Clone, Debug)]
+pub struct Touch {
+    /// The number of the piece of evidence, from 0; touches of one approach share it.
+    pub at: usize,
+    /// What was felt.
+    pub contact: Contact,
+    /// What the approach aimed at.
+    pub target: Option<Target>,
+    /// Its uncertainty by the pad's centre, Eq. (1), or the caller's own; in [0, 1].
+    pub uncertainty: f64,
+    /// Whether it pulls the surface; in the paper an early one does not.
+    pub pulls: bool,
+    /// The measured normal, where it can be used.
+    pub normal: Option<Direction>,
+}
+
+/// A motion of the object, as it was reported or estimated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motion {
+    /// The number of the first piece of evidence after it.
+    pub since: usize,
+    /// A point of the object that was at `p` is at `new_from_old * p`.
+    pub new_from_old: Pose,
+    /// How well it is known, as a standard deviation in metres.
+    pub std_m: f64,
+    /// Whether it was found in the evidence, and not reported.
+    pub is_found: bool,
+}
+
+/// A contact that is farther from all that is known than this many times its size, and this much more in
+/// metres, is on no part of the object.
+const FAR_SIZES: f64 = 3.0;
+const FAR_M: f64 = 0.2;
+
 /// All evidence of a session, sorted. Points are in the frame that the method works in.
 #[derive(Clone, Debug, Default)]
 pub struct Ledger {
-    /// What pulls the surface, in the order of its arrival.
-    pub attractors: Vec<Attractor>,
-    /// What measured normals say about the surface around their touches; nothing in the paper's method.
-    pub tangents: Vec<Attractor>,
-    /// Where the camera stood for the first cloud that says so, in metres.
-    pub viewpoint: Option<Point>,
+    /// How many pieces of evidence there are.
+    pub entries: usize,
+    /// What was seen, in the order of its arrival.
+    pub views: Vec<View>,
+    /// What was touched, likewise.
+    pub touches: Vec<Touch>,
+    /// The paths of misses, each with the number of its piece of evidence.
+    pub misses: Vec<(usize, Sweep)>,
+    /// How the object moved, as the caller reported.
+    pub motions: Vec<Motion>,
+    /// The plane that the object stands on, where it is known.
+    pub support: Option<Plane>,
     /// Failed attempts, in the order of their arrival.
     pub failures: Vec<Failure>,
-    /// What the paths of the probe say about where the object is not.
-    pub free_space: FreeSpace,
+    /// Candidates that were not tried, in the order of their arrival.
+    pub rejections: Vec<Rejection>,
     /// How often what happened.
     pub tallies: Tallies,
 }
@@ -89,7 +143,7 @@ pub struct Entry {
     /// The uncertainty of the touch, where there was one.
     pub contact_uncertainty: Option<f64>,
     /// What the caller should know.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Warning>,
 }
 
 impl Ledger {
@@ -98,54 +152,136 @@ impl Ledger {
     /// # Errors
     /// [`Error::NoVisualPrior`] for an attempt before anything was seen.
     pub fn enter(&mut self, evidence: &Evidence, config: &Config) -> Result<Entry, Error> {
-        match evidence {
-            Evidence::VisualPrior(prior) => Ok(self.enter_prior(prior, config)),
-            Evidence::Attempt(_) if self.tallies.visual_points == 0 => Err(Error::NoVisualPrior),
-            Evidence::Attempt(attempt) => Ok(self.enter_attempt(attempt, config)),
+        let entry = match evidence {
+            Evidence::VisualPrior(prior) => self.enter_prior(prior, config),
+            Evidence::Attempt(_) | Evidence::Moved(_) if self.views.is_empty() => {
+                return Err(Error::NoVisualPrior);
+            }
+            Evidence::Attempt(attempt) => self.enter_attempt(attempt, config),
+            Evidence::Moved(moved) => self.enter_motion(moved),
+        };
+        self.entries += 1;
+        Ok(entry)
+    }
+
+    /// What was told before evidence `since`.
+    pub(crate) fn until(&self, since: usize) -> Self {
+        self.within(&|at| at < since)
+    }
+
+    /// What was touched and swept from evidence `since` on.
+    pub(crate) fn since(&self, since: usize) -> Self {
+        Self { views: Vec::new(), ..self.within(&|at| at >= since) }
+    }
+
+    fn within(&self, is_within: &dyn Fn(usize) -> bool) -> Self {
+        Self {
+            views: self.views.iter().filter(|view| is_within(view.at)).cloned().collect(),
+            touches: self.touches.iter().filter(|touch| is_within(touch.at)).cloned().collect(),
+            misses: self.misses.iter().filter(|(at, _)| is_within(*at)).copied().collect(),
+            ..self.clone()
         }
+    }
+
+    /// Where the camera stood for the first view that says so, in metres, with the number of that piece of
+    /// evidence.
+    pub(super) fn viewpoint(&self) -> Option<(usize, Point)> {
+        self.views.iter().find_map(|view| Some((view.at, *view.prior.viewpoint()?)))
     }
 
     /// Adds itself to a fingerprint.
     pub(crate) fn fingerprint(&self, fingerprint: &mut Fingerprint) {
-        let Self { attractors, tangents, viewpoint, failures, free_space, tallies } = self;
-        fingerprint.count(attractors.len());
-        attractors.iter().chain(tangents).for_each(|attractor| attractor.fingerprint(fingerprint));
-        fingerprint.points(viewpoint.as_slice());
+        let Self { entries, views, touches, misses, motions, support, failures, rejections, tallies } = self;
+        fingerprint.count(usize::from(support.is_some()));
+        if let Some(plane) = support {
+            fingerprint.vector(plane.normal());
+            fingerprint.number(plane.offset_m());
+        }
+        fingerprint.count(*entries);
+        for View { at, prior, uncertainty } in views {
+            fingerprint.count(*at);
+            fingerprint.points(prior.points());
+            fingerprint.points(prior.viewpoint().map_or(&[], std::slice::from_ref));
+            fingerprint.number(*uncertainty);
+        }
+        for Touch { at, contact, target, uncertainty, pulls, normal } in touches {
+            fingerprint.count(*at);
+            fingerprint.pose(contact.base_from_sensor());
+            let Wrench { force, torque } = contact.wrench();
+            fingerprint.vector(force);
+            fingerprint.vector(torque);
+            fingerprint.points(contact.swept_from().map_or(&[], std::slice::from_ref));
+            for vector in [target.map(|t| t.point().coords), normal.map(Direction::into_inner)] {
+                fingerprint.count(usize::from(vector.is_some()));
+                fingerprint.vector(&vector.unwrap_or_default());
+            }
+            fingerprint.number(*uncertainty);
+            fingerprint.count(usize::from(*pulls));
+        }
+        for (at, sweep) in misses {
+            fingerprint.count(*at);
+            fingerprint.points(&[*sweep.from(), *sweep.to()]);
+            fingerprint.number(sweep.radius_m());
+        }
+        for Motion { since, new_from_old, std_m, is_found: _ } in motions {
+            fingerprint.count(*since);
+            fingerprint.pose(new_from_old);
+            fingerprint.number(*std_m);
+        }
         for Failure { point, contacts_before } in failures {
             fingerprint.vector(&point.coords);
             fingerprint.count(*contacts_before as usize);
         }
-        free_space.fingerprint(fingerprint);
+        rejections.iter().for_each(|rejection| rejection.fingerprint(fingerprint));
         tallies.fingerprint(fingerprint);
     }
 
     fn enter_prior(&mut self, prior: &VisualPrior, config: &Config) -> Entry {
         let uncertainty = prior.uncertainty().unwrap_or(config.visual_uncertainty);
-        let seen = prior.points().iter().map(|&point| Attractor { point, uncertainty, sense: Sense::Vision });
-        self.attractors.extend(seen);
-        self.viewpoint = self.viewpoint.or(prior.viewpoint().copied());
+        self.views.push(View { at: self.entries, prior: prior.clone(), uncertainty });
         self.tallies.visual_points += prior.points().len() as u32;
-        let warnings = if self.viewpoint.is_none() {
-            vec!["prior.viewpoint: unknown, so the object is taken to lie evenly about the points".into()]
+        let warnings = if self.viewpoint().is_none() {
+            vec![Warning::new(
+                WarningKind::NoViewpoint,
+                "prior.viewpoint: unknown, so the object is taken to lie evenly about the points",
+            )]
         } else {
             Vec::new()
         };
         Entry { changes_estimate: true, contact_uncertainty: None, warnings }
     }
 
+    fn enter_motion(&mut self, moved: &Moved) -> Entry {
+        let (new_from_old, std_m) = (*moved.new_from_old(), moved.std_m());
+        self.motions.push(Motion { since: self.entries, new_from_old, std_m, is_found: false });
+        for failure in &mut self.failures {
+            failure.point = new_from_old * failure.point;
+        }
+        for rejection in &mut self.rejections {
+            rejection.point = new_from_old * rejection.point;
+        }
+        Entry { changes_estimate: true, ..Entry::default() }
+    }
+
     fn enter_attempt(&mut self, attempt: &Attempt, config: &Config) -> Entry {
         self.tallies.attempts += 1;
         match &attempt.outcome {
-            Outcome::Contact(contact) => self.enter_contact(contact, attempt, config),
+            Outcome::Contact(contact) => self.enter_contact(contact, &[], attempt, config),
+            Outcome::Contacts { aimed, others } => self.enter_contact(aimed, others, attempt, config),
             Outcome::NoContact(sweep) => {
                 self.tallies.no_contacts += 1;
-                self.free_space.add_miss(sweep);
+                self.misses.push((self.entries, *sweep));
                 let failure = self.enter_failure(attempt, Some(sweep.middle()));
                 Entry { changes_estimate: config.method.learns_from_failures(), ..failure }
             }
-            Outcome::Rejected => {
+            Outcome::Rejected(reason) => {
                 self.tallies.rejected += 1;
-                self.enter_failure(attempt, None)
+                self.tallies.consecutive_failures += 1;
+                let attempts = self.tallies.attempts;
+                let rejection =
+                    |target: Target| Rejection { point: *target.point(), reason: *reason, attempts };
+                self.rejections.extend(attempt.target.map(rejection));
+                Entry::default()
             }
             Outcome::InvalidContact(base_from_sensor) => {
                 self.tallies.invalid_contacts += 1;
@@ -154,30 +290,32 @@ impl Ledger {
         }
     }
 
-    fn enter_contact(&mut self, contact: &Contact, attempt: &Attempt, config: &Config) -> Entry {
-        let uncertainty =
-            contact.uncertainty().unwrap_or_else(|| contact_uncertainty(contact, config.tactile_u_max));
-        let mut warnings = wrench_warnings(contact);
-        let normal = usable_normal(contact, config).unwrap_or_else(|unusable| {
-            warnings.push(unusable.into());
-            None
-        });
-        let off_m = attempt.target.map_or(0.0, |target| (contact.point() - target.point()).norm());
-        self.free_space.add_approach(contact, attempt.target.as_ref(), config.probe_half_travel_m);
+    /// Contacts of one attempt; `aimed` decides whether it came early, for all of them.
+    fn enter_contact(
+        &mut self,
+        aimed: &Contact,
+        others: &[Contact],
+        attempt: &Attempt,
+        config: &Config,
+    ) -> Entry {
+        // The pad's centre travels along the approach, whatever point of the pad touches.
+        let off_m = attempt.target.map_or(0.0, |target| (aimed.point() - target.point()).norm());
         let is_early = off_m > config.failure_distance_m;
-        if !is_early || (config.method.learns_from_failures() && config.stages.early_contacts) {
-            self.attractors.push(Attractor { point: contact.point(), uncertainty, sense: Sense::Touch });
-            let around = |normal| tangent::around(contact.point(), normal, uncertainty);
-            self.tangents.extend(normal.into_iter().flat_map(around));
+        let pulls = !is_early || (config.method.learns_from_failures() && config.stages.early_contacts);
+        let mut warnings = Vec::new();
+        let uncertainty = self.enter_touch(aimed, attempt.target, pulls, config, &mut warnings);
+        for other in others {
+            self.enter_touch(other, None, pulls, config, &mut warnings);
         }
         if is_early {
             self.tallies.early_contacts += 1;
-            warnings.push(format!(
+            let message = format!(
                 "touched {:.1} mm from the candidate: counts as a failure, as more than the {:.0} mm of \
                  failure_distance_m",
                 1e3 * off_m,
                 1e3 * config.failure_distance_m
-            ));
+            );
+            warnings.push(Warning::new(WarningKind::EarlyContact, message).with("distance_m", off_m));
             self.enter_failure(attempt, None);
             return Entry {
                 changes_estimate: config.method.learns_from_failures(),
@@ -190,6 +328,61 @@ impl Ledger {
         Entry { changes_estimate: true, contact_uncertainty: Some(uncertainty), warnings }
     }
 
+    /// One pad's touch, on its way to `target`, and what is odd about it. Gives its uncertainty.
+    fn enter_touch(
+        &mut self,
+        contact: &Contact,
+        target: Option<Target>,
+        pulls: bool,
+        config: &Config,
+        warnings: &mut Vec<Warning>,
+    ) -> f64 {
+        let uncertainty =
+            contact.uncertainty().unwrap_or_else(|| contact_uncertainty(contact, config.tactile_u_max));
+        warnings.extend(wrench_check::warnings(contact, target.as_ref()));
+        let normal = usable_normal(contact, config).unwrap_or_else(|unusable| {
+            warnings.push(Warning::new(WarningKind::NormalIgnored, unusable));
+            None
+        });
+        let is_far = self.beyond_m(&contact.point()) > 0.0;
+        if is_far {
+            let distance_m = self.distance_m(&contact.point());
+            let message = format!(
+                "sensor_pose: the contact is {distance_m:.2} m from all that is known of the object, and is not used: is \
+                 it in metres, in the session's frame, and of the pad and not of the flange?"
+            );
+            warnings.push(Warning::new(WarningKind::FarContact, message).with("distance_m", distance_m));
+        }
+        let pulls = pulls && !is_far;
+        // Nor did it come before the planned start of its approach, which would then lie inside.
+        let target = target.filter(|_| !is_far);
+        let (at, normal) = (self.entries, normal.copied());
+        self.touches.push(Touch { at, contact: contact.clone(), target, uncertainty, pulls, normal });
+        let contacts: Vec<&Contact> = self.touches.iter().map(|touch| &touch.contact).collect();
+        warnings.extend(wrench_check::drift(&contacts));
+        uncertainty
+    }
+
+    /// The distance of a place from the nearest point that was seen or touched, in metres.
+    fn distance_m(&self, place: &Point) -> f64 {
+        let distances = self.known_points().map(|point| (point - place).norm());
+        distances.fold(f64::INFINITY, f64::min)
+    }
+
+    /// How much farther off a place is than any part of the object may be, in metres: a few times the size of
+    /// what is known.
+    fn beyond_m(&self, place: &Point) -> f64 {
+        let first = self.known_points().next().unwrap_or(*place);
+        let size_m = self.known_points().map(|point| (point - first).norm()).fold(0.0, f64::max);
+        self.distance_m(place) - (FAR_SIZES * size_m + FAR_M)
+    }
+
+    fn known_points(&self) -> impl Iterator<Item = Point> {
+        let seen = self.views.iter().flat_map(|view| view.prior.points().iter().copied());
+        let touched = self.touches.iter().filter(|touch| touch.pulls).map(|touch| touch.contact.point());
+        seen.chain(touched)
+    }
+
     fn enter_failure(&mut self, attempt: &Attempt, otherwise: Option<Point>) -> Entry {
         self.tallies.consecutive_failures += 1;
         let contacts_before = self.tallies.contacts;
@@ -200,14 +393,15 @@ impl Ledger {
 }
 
 /// The measured normal, if there is one, or why it is ignored, in words for the caller.
-fn usable_normal<'a>(contact: &'a Contact, config: &Config) -> Result<Option<&'a Direction>, &'static str> {
+fn usable_normal<'a>(contact: &'a Contact, config: &Config) -> Result<Option<&'a Direction>, String> {
     let Some(normal) = contact.normal() else { return Ok(None) };
     if !config.method.uses_normals() {
-        return Err("normal: recorded, but METHOD_PAPER has no use for it");
+        return Err(format!("normal: recorded, but {} has no use for it", config.method.name()));
     }
     if normal.dot(&contact.approach()) > 0.0 {
         return Err("normal: ignored, as it points into the object: it must point out of the surface, \
-                    against the pad's outward normal");
+                    against the pad's outward normal"
+            .to_owned());
     }
     Ok(Some(normal))
 }
@@ -216,8 +410,8 @@ fn usable_normal<'a>(contact: &'a Contact, config: &Config) -> Result<Option<&'a
 mod tests {
     use super::*;
     use crate::config::{Method, Settings};
-    use crate::evidence::{ContactDetail, Sweep, Target, Wrench};
-    use crate::geometry::{Pose, Vector};
+    use crate::evidence::{ContactDetail, Pad};
+    use crate::geometry::Vector;
 
     fn seen() -> Ledger {
         let points = vec![
@@ -238,7 +432,9 @@ mod tests {
 
     fn touch(at: Point, aimed_at: Option<Point>) -> Evidence {
         let pose = Pose::translation(at.x, at.y, at.z);
-        let contact = Contact::new(pose, Wrench::default(), 0.009, ContactDetail::default()).unwrap();
+        let contact =
+            Contact::new(pose, Wrench::default(), Pad::new(0.009).unwrap(), ContactDetail::default())
+                .unwrap();
         let target = aimed_at.map(|point| Target::new(point, Vector::z()).unwrap());
         Evidence::Attempt(Attempt { target, outcome: Outcome::Contact(contact) })
     }
@@ -256,10 +452,10 @@ mod tests {
         let mut ledger = seen();
         let evidence = touch(Point::new(0.0, 0.0, 0.02), Some(Point::origin()));
         let entry = ledger.enter(&evidence, &paper()).unwrap();
-        assert!(!entry.changes_estimate && entry.warnings.iter().any(|w| w.contains("20.0 mm")));
+        assert!(!entry.changes_estimate && entry.warnings.iter().any(|w| w.message.contains("20.0 mm")));
         assert_eq!(
-            (ledger.tallies.early_contacts, ledger.tallies.failures(), ledger.attractors.len()),
-            (1, 1, 4)
+            (ledger.tallies.early_contacts, ledger.tallies.failures(), ledger.touches[0].pulls),
+            (1, 1, false)
         );
         assert_eq!(ledger.failures[0].point, Point::origin());
     }
@@ -279,8 +475,8 @@ mod tests {
     #[test]
     fn a_normal_is_used_where_it_points_out_of_the_surface_and_the_method_has_a_use_for_it() {
         let palpate = Config::default();
-        for (config, normal_z, tangents, warning) in [
-            (&palpate, -1.0, 3, None),
+        for (config, normal_z, normals, warning) in [
+            (&palpate, -1.0, 1, None),
             (&palpate, 1.0, 0, Some("into the object")),
             (&paper(), -1.0, 0, Some("METHOD_PAPER has no use for it")),
         ] {
@@ -288,12 +484,19 @@ mod tests {
             let detail = ContactDetail { normal: Some(Vector::z() * normal_z), ..ContactDetail::default() };
             let push = Wrench { force: Vector::new(0.0, 0.0, -2.0), torque: Vector::zeros() };
             // The pad looks and moves along z.
-            let contact = Contact::new(Pose::identity(), push, 0.009, detail).unwrap();
+            let contact = Contact::new(Pose::identity(), push, Pad::new(0.009).unwrap(), detail).unwrap();
             let attempt = Attempt { target: None, outcome: Outcome::Contact(contact) };
             let entry = ledger.enter(&Evidence::Attempt(attempt), config).unwrap();
-            assert_eq!((ledger.tangents.len(), ledger.tallies.contacts), (tangents, 1));
+            assert_eq!(
+                (usize::from(ledger.touches[0].normal.is_some()), ledger.tallies.contacts),
+                (normals, 1)
+            );
             assert_eq!(entry.warnings.len(), usize::from(warning.is_some()), "{:?}", entry.warnings);
-            assert!(warning.is_none_or(|text| entry.warnings[0].contains(text)), "{:?}", entry.warnings);
+            assert!(
+                warning.is_none_or(|text| entry.warnings[0].message.contains(text)),
+                "{:?}",
+                entry.warnings
+            );
         }
     }
 }

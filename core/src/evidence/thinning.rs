@@ -18,8 +18,12 @@ pub(crate) fn thin_visual(attractors: &[Attractor], most: usize, means: bool) ->
         return kept.iter().map(|&index| seen[index]).chain(touched).collect();
     }
     let mut sums = vec![(Vector::zeros(), 0.0); kept.len()];
-    for point in &points {
-        let square = |&k: &usize| (points[kept[k]] - point).norm_squared();
+    for (attractor, point) in seen.iter().zip(&points) {
+        // Views may be off against each other, so their points are not mixed.
+        let square = |&k: &usize| match seen[kept[k]].provenance.source == attractor.provenance.source {
+            true => (points[kept[k]] - point).norm_squared(),
+            false => f64::INFINITY,
+        };
         let nearest = (0..kept.len()).min_by(|a, b| square(a).total_cmp(&square(b))).unwrap_or(0);
         sums[nearest].0 += point.coords;
         sums[nearest].1 += 1.0;
@@ -37,7 +41,7 @@ mod tests {
     use crate::geometry::Point;
 
     fn at(x: f64, sense: Sense) -> Attractor {
-        Attractor { point: Point::new(x, 0.0, 0.0), uncertainty: 0.1, sense }
+        Attractor::new(Point::new(x, 0.0, 0.0), 0.1, sense)
     }
 
     #[test]

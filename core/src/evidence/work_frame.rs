@@ -11,10 +11,10 @@
 use nalgebra::{Rotation3, UnitQuaternion};
 
 use super::Evidence;
-use super::attempt::{Attempt, Contact, Outcome, Sweep, Target};
+use super::attempt::{Attempt, Contact, Moved, Outcome, Sweep, Target};
 use super::visual_prior::VisualPrior;
 use crate::fingerprint::Fingerprint;
-use crate::geometry::{Direction, Point, Pose, Vector};
+use crate::geometry::{Direction, Plane, Point, Pose, Vector};
 use crate::method::Method;
 
 /// Coordinates are rounded to a multiple of this, in metres: a power of two, so that the rounding
@@ -26,9 +26,10 @@ const DIRECTION_QUANTUM: f64 = 1.0 / (1_u64 << 30) as f64;
 const MARGIN: f64 = 1e-9;
 
 /// The frame that a method works in.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) enum WorkFrame {
     /// The session's own frame, numbers as they were sent.
+    #[default]
     Session,
     /// The frame of the first view.
     View {
@@ -78,6 +79,14 @@ impl WorkFrame {
                 target: target.map(|target| self.target(&target)),
                 outcome: self.outcome(outcome),
             }),
+            Evidence::Moved(moved) => Evidence::Moved(self.motion(moved)),
+        }
+    }
+
+    fn motion(&self, moved: &Moved) -> Moved {
+        match self {
+            Self::Session => *moved,
+            Self::View { base_from_view } => moved.seen_from(&base_from_view.inverse()),
         }
     }
 
@@ -85,7 +94,11 @@ impl WorkFrame {
         match outcome {
             Outcome::Contact(contact) => Outcome::Contact(self.contact(contact)),
             Outcome::NoContact(sweep) => Outcome::NoContact(self.sweep(sweep)),
-            Outcome::Rejected => Outcome::Rejected,
+            Outcome::Contacts { aimed, others } => Outcome::Contacts {
+                aimed: self.contact(aimed),
+                others: others.iter().map(|contact| self.contact(contact)).collect(),
+            },
+            Outcome::Rejected(reason) => Outcome::Rejected(*reason),
             Outcome::InvalidContact(base_from_sensor) => Outcome::InvalidContact(self.pose(base_from_sensor)),
         }
     }
@@ -110,14 +123,16 @@ impl WorkFrame {
         }
     }
 
-    /// A pose in this frame, its position rounded.
+    /// A pose in this frame, rounded.
     fn pose(&self, base_from_sensor: &Pose) -> Pose {
         match self {
             Self::Session => *base_from_sensor,
             Self::View { base_from_view } => {
                 let view_from_sensor = base_from_view.inv_mul(base_from_sensor);
                 let position = rounded(&view_from_sensor.translation.vector, QUANTUM_M);
-                Pose::from_parts(position.into(), view_from_sensor.rotation)
+                let turn = view_from_sensor.rotation.coords.map(|x| round(x, DIRECTION_QUANTUM));
+                let turn = UnitQuaternion::from_quaternion(turn.into());
+                Pose::from_parts(position.into(), turn)
             }
         }
     }
@@ -147,11 +162,26 @@ impl WorkFrame {
         }
     }
 
+    /// A plane in this frame.
+    pub(crate) fn plane(&self, in_base: &Plane) -> Plane {
+        let foot = self.point(&Point::from(in_base.normal().into_inner() * in_base.offset_m()));
+        let normal = self.direction(in_base.normal());
+        Plane::new(normal, normal.dot(&foot.coords))
+    }
+
     /// A point of this frame in the session's.
     pub(crate) fn point_in_base(&self, point: &Point) -> Point {
         match self {
             Self::Session => *point,
             Self::View { base_from_view } => base_from_view * point,
+        }
+    }
+
+    /// A vector of this frame in the session's.
+    pub(crate) fn vector_in_base(&self, vector: &Vector) -> Vector {
+        match self {
+            Self::Session => *vector,
+            Self::View { base_from_view } => base_from_view.rotation * vector,
         }
     }
 
@@ -165,7 +195,11 @@ impl WorkFrame {
 }
 
 fn rounded(vector: &Vector, quantum: f64) -> Vector {
-    vector.map(|x| (x / quantum).round() * quantum)
+    vector.map(|x| round(x, quantum))
+}
+
+fn round(x: f64, quantum: f64) -> f64 {
+    (x / quantum).round() * quantum
 }
 
 /// The direction to the farthest of some offsets, of which one at least is not zero.

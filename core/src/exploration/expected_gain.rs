@@ -112,7 +112,7 @@ mod tests {
         let mesh = sphere.mesh_of(|direction| Point::from(direction.into_inner() * 0.05));
         let places: Vec<SurfacePoint> =
             mesh.vertices.iter().zip(&sphere.directions).map(|(p, n)| SurfacePoint::new(p, n)).collect();
-        let touch = |vertex: usize, noise_m| Observation { at: places[vertex], height_m: 0.0, noise_m };
+        let touch = |vertex: usize, noise_m| Observation::new(places[vertex], 0.0, noise_m);
         let mut seen: Vec<Observation> = [0, 5, 20, 100, 300].map(|vertex| touch(vertex, 5e-4)).into();
         for symmetry in [Symmetry::None, Symmetry::Mirror([true, false, false])] {
             let frame = SymmetryFrame { centre: Point::origin(), axes: Rotation3::identity(), symmetry };

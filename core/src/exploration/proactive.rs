@@ -186,7 +186,7 @@ impl<'a> Frontier<'a> {
     pub(super) fn new(situation: &Situation<'a>) -> Self {
         let count = situation.mesh.vertices.len();
         Self {
-            situation: *situation,
+            situation: situation.clone(),
             hops: scaled_hops(situation.reach.hops, count),
             ring: Ring::new(count),
             geodesics: Geodesics::new(situation.connectivity, &situation.mesh.vertices),

@@ -1,17 +1,28 @@
 //! What is asked of a proposal, and what it answers: candidates and what was left out.
 
 use super::keep_out::KeepOut;
+use super::pads::{Approach, Hand, MountedPad};
 use crate::error::FieldError;
 use crate::evidence::{WorkFrame, check_point};
-use crate::geometry::{Direction, Point};
+use crate::geometry::{Direction, Point, Pose};
+
+/// Candidates of one proposal lie at least this far apart, in metres: a second one within it
+/// would be no alternative.
+pub const SEPARATION_M: f64 = 0.010;
+/// Around a place that is promised to another robot nothing nearer is proposed, in metres, however
+/// small the pads.
+const LEAST_LEASE_RADIUS_M: f64 = 0.030;
 
 /// What a caller asks for.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ProposalRequest {
     top_k: usize,
     keep_out: Vec<KeepOut>,
-    pad_half_side_m: f64,
+    hand: Hand,
     tool: Option<Point>,
+    leased: Vec<Point>,
+    /// The frame of regions, leased places and tool; the hand's is always the session's.
+    frame: WorkFrame,
 }
 
 impl ProposalRequest {
@@ -26,10 +37,26 @@ impl ProposalRequest {
         self
     }
 
-    /// The same for a square pad, across the approach, of half this side in metres: no part of it may
-    /// enter a region. A point without it.
-    pub fn for_pad(self, pad_half_side_m: f64) -> Self {
-        Self { pad_half_side_m, ..self }
+    /// The same for a tool with these pads: no part of the one that touches may enter a region. A point
+    /// at the tool's origin, looking along its z axis, without them.
+    pub fn for_pads(self, pads: Vec<MountedPad>) -> Self {
+        Self { hand: self.hand.with_pads(pads), ..self }
+    }
+
+    /// The same away from places that are promised to others, in metres, beside those named before.
+    pub fn leaving(mut self, leased: Vec<Point>) -> Self {
+        self.leased.extend(leased);
+        self
+    }
+
+    /// The same with the tool at this pose in the session's frame: the path to a candidate counts from
+    /// there, and the tool is turned from there as little as possible.
+    ///
+    /// # Errors
+    /// A number that is not finite.
+    pub fn with_tool(self, base_from_tool: &Pose) -> Result<Self, FieldError> {
+        let hand = self.hand.clone().held_at(base_from_tool.rotation);
+        Ok(Self { hand, ..self.with_tool_at(base_from_tool.translation.vector.into())? })
     }
 
     /// The same with the tool at a place, in metres, from which the path to a candidate counts.
@@ -51,9 +78,27 @@ impl ProposalRequest {
         &self.keep_out
     }
 
-    /// Radius of the disc around the pad, in metres.
-    pub(super) fn pad_radius_m(&self) -> f64 {
-        std::f64::consts::SQRT_2 * self.pad_half_side_m
+    /// Radius of the disc around the pad that touches a surface with this normal, in metres: no turn of
+    /// the pad about the normal reaches farther.
+    pub(super) fn pad_radius_m(&self, normal: &Direction) -> f64 {
+        let pad = self.hand.pad_for(&self.frame.direction_in_base(normal));
+        std::f64::consts::SQRT_2 * pad.map_or(0.0, |(_, pad)| pad.half_side_m)
+    }
+
+    /// The tool before an approach that begins at `start` towards a surface with this normal.
+    pub(super) fn approach(&self, start: &Point, normal: &Direction) -> Approach {
+        self.hand.approach(&self.frame.point_in_base(start), &self.frame.direction_in_base(normal))
+    }
+
+    /// Places promised to others, in metres.
+    pub(super) fn leased(&self) -> &[Point] {
+        &self.leased
+    }
+
+    /// How far from a promised place the next candidate must be, in metres: two pads beside each other,
+    /// whatever their turn, do not touch.
+    pub(super) fn lease_radius_m(&self) -> f64 {
+        (std::f64::consts::SQRT_2 * self.hand.largest_side_m() + SEPARATION_M).max(LEAST_LEASE_RADIUS_M)
     }
 
     /// Whether some region is named.
@@ -71,8 +116,10 @@ impl ProposalRequest {
         Self {
             top_k: self.top_k,
             keep_out: self.keep_out.iter().map(|region| region.entered(frame)).collect(),
-            pad_half_side_m: self.pad_half_side_m,
+            hand: self.hand.clone(),
             tool: self.tool.as_ref().map(|tool| frame.exact_point(tool)),
+            leased: self.leased.iter().map(|place| frame.exact_point(place)).collect(),
+            frame: *frame,
         }
     }
 }
@@ -97,6 +144,10 @@ pub struct Excluded {
     pub keep_out: u32,
     /// Close to a candidate that failed not long ago.
     pub recently_failed: u32,
+    /// Close to a candidate that a robot did not try, for a reason that still holds.
+    pub unreachable: u32,
+    /// Close to a place that is promised to another robot.
+    pub leased: u32,
 }
 
 impl Proposal {
@@ -126,6 +177,8 @@ pub struct Candidate {
     pub probe_start: Point,
     /// Where it gives up: `point - d normal`, in metres.
     pub probe_end: Point,
+    /// The pad that touches, and the tool before the approach, in the session's frame.
+    pub approach: Approach,
     /// The value that was maximised: the sum of weight times value over `terms`.
     pub score: f64,
     /// What the score is made of.

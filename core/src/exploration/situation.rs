@@ -7,7 +7,7 @@ use crate::local::VertexProcess;
 use crate::uncertainty::Reach;
 
 /// What a strategy looks at.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Situation<'a> {
     /// The parameters.
     pub config: &'a Config,
@@ -27,6 +27,23 @@ pub struct Situation<'a> {
     pub reach: Reach,
     /// The centre of the template, in metres.
     pub centre: Point,
+    /// Touches that contradict what else is known.
+    pub doubted: Vec<DoubtedTouch>,
+}
+
+/// A touch that contradicts what else is known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DoubtedTouch {
+    /// The number of its piece of evidence, from 0.
+    pub at: usize,
+    /// The touched point, in metres.
+    pub point: Point,
+    /// The direction of its approach.
+    pub approach: Direction,
+    /// The probability that it is none, in [0, 1].
+    pub doubt: f64,
+    /// Whether its place was touched or swept again.
+    pub is_settled: bool,
 }
 
 /// How far off an estimate may be.
@@ -59,6 +76,7 @@ impl<'a> Situation<'a> {
             deviations: None,
             reach: Reach { hops: 5, length_m: 0.02 },
             centre: Point::origin(),
+            doubted: Vec::new(),
         }
     }
 }
@@ -68,6 +86,15 @@ impl Situation<'_> {
     pub(super) fn probe_segment(&self, vertex: usize) -> (Point, Point) {
         let travel = self.normals[vertex].into_inner() * self.config.probe_half_travel_m;
         (self.mesh.vertices[vertex] + travel, self.mesh.vertices[vertex] - travel)
+    }
+
+    /// The diagonal of the estimate's bounding box, in metres.
+    pub(super) fn size_m(&self) -> f64 {
+        let vertices = &self.mesh.vertices;
+        let (low, high) = vertices
+            .iter()
+            .fold((vertices[0], vertices[0]), |(low, high), vertex| (low.inf(vertex), high.sup(vertex)));
+        (high - low).norm()
     }
 
     /// `u <= u'_max`, Eq. (3).

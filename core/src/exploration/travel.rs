@@ -20,11 +20,7 @@ impl Travel {
     pub(super) fn new(situation: &Situation<'_>, request: &ProposalRequest) -> Option<Self> {
         let weight = situation.config.alpha_travel;
         let tool = request.tool().filter(|_| weight > 0.0)?;
-        let vertices = &situation.mesh.vertices;
-        let (low, high) = vertices
-            .iter()
-            .fold((vertices[0], vertices[0]), |(low, high), vertex| (low.inf(vertex), high.sup(vertex)));
-        Some(Self { tool, size_m: (high - low).norm(), weight })
+        Some(Self { tool, size_m: situation.size_m(), weight })
     }
 
     /// The term of a vertex: the path to the start of its approach, counted against it.

@@ -1,6 +1,6 @@
 //! An indexed triangle mesh with outward (counter-clockwise) winding.
 
-use super::{Direction, Point, Vector};
+use super::{Direction, Plane, Point, Vector};
 
 /// Vertices in metres and faces as triples of vertex indices, wound so that normals point outwards.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -12,6 +12,19 @@ pub struct TriangleMesh {
 }
 
 impl TriangleMesh {
+    /// The foot of its lowest vertex over a plane, and that vertex's height, in metres.
+    pub(crate) fn lowest_over(&self, plane: &Plane) -> Option<(Point, f64)> {
+        let height_m = |vertex: &Point| plane.height_m(vertex);
+        let lowest = self.vertices.iter().min_by(|a, b| height_m(a).total_cmp(&height_m(b)))?;
+        Some((plane.foot(lowest), height_m(lowest)))
+    }
+
+    /// The same mesh with what lies behind a plane moved onto it.
+    pub(crate) fn above(self, plane: &Plane) -> Self {
+        let above = |vertex: Point| if plane.height_m(&vertex) < 0.0 { plane.foot(&vertex) } else { vertex };
+        Self { vertices: self.vertices.into_iter().map(above).collect(), faces: self.faces }
+    }
+
     /// The three corners of face `face`.
     pub fn corners(&self, face: usize) -> [Point; 3] {
         self.faces[face].map(|vertex| self.vertices[vertex as usize])

@@ -8,7 +8,7 @@ use nalgebra::Rotation3;
 use super::noise::Noise;
 use super::process::{Displacement, Observation, Prior};
 use crate::config::{DeclaredSymmetry, Stages};
-use crate::evidence::attractor::{Attractor, Sense};
+use crate::evidence::attractor::{Attractor, Provenance, Sense};
 use crate::fingerprint::Fingerprint;
 use crate::schedule::Extras;
 use crate::symmetry::{Symmetry, SymmetryFrame};
@@ -32,6 +32,8 @@ const LARGEST_M: f64 = 0.1;
 /// out best by chance.
 const BAYES_FACTOR: f64 = 20.0;
 const HYPOTHESES: f64 = 10.0;
+/// No measurement is trusted less than this: the system stays regular.
+const LEAST_TRUST: f64 = 1e-4;
 /// Fewer touches say nothing about the noise, or about a symmetry.
 const TOUCHES_FOR_NOISE: usize = 5;
 const TOUCHES_FOR_SYMMETRY: usize = 8;
@@ -58,6 +60,11 @@ pub(crate) struct Hyperparameters {
 }
 
 impl Hyperparameters {
+    /// What the chosen noise costs, in nats.
+    pub(super) fn cost(&self) -> f64 {
+        self.noise.cost()
+    }
+
     /// Adds itself to a fingerprint.
     pub(crate) fn fingerprint(&self, fingerprint: &mut Fingerprint) {
         let Self { noise, symmetry, axes } = self;
@@ -101,13 +108,30 @@ impl Problem<'_> {
         SymmetryFrame { centre: body.centre, axes: body.base_from_template, symmetry }
     }
 
+    /// How many touches there are.
+    pub(crate) fn touches(&self) -> usize {
+        self.attractors.iter().filter(|a| a.sense == Sense::Touch).count()
+    }
+
+    /// The process where sensors are as good as expected.
+    pub(crate) fn with_default_noise(&self, observations: &mut [Observation]) -> Displacement {
+        let prior = Prior {
+            length_m: self.length_m,
+            amplitude_m: self.expected_m(),
+            frame: self.frame(Symmetry::None),
+        };
+        self.set_noise(observations, &Noise::default());
+        let first = Displacement::fit(prior, observations);
+        self.with_amplitude(&first, EXPECTED_COUNT, observations)
+    }
+
     /// Conditions the process on the attractors' observations, whose noise is set here.
     pub(crate) fn choose(
         &self,
         observations: &mut [Observation],
         before: Option<&Hyperparameters>,
     ) -> (Displacement, Hyperparameters) {
-        let touches = self.attractors.iter().filter(|a| a.sense == Sense::Touch).count();
+        let touches = self.touches();
         let prior = Prior {
             length_m: self.length_m,
             amplitude_m: self.expected_m(),
@@ -137,7 +161,10 @@ impl Problem<'_> {
 
     fn set_noise(&self, observations: &mut [Observation], noise: &Noise) {
         for (observation, attractor) in observations.iter_mut().zip(self.attractors) {
-            observation.noise_m = noise.of_m(attractor.sense, attractor.uncertainty);
+            let noise_m = nominal_m(noise, attractor, observation);
+            // A touch that is doubted weighs by the probability that it is one.
+            let trust = (1.0 - attractor.provenance.doubt).max(LEAST_TRUST);
+            observation.noise_m = noise_m / trust.sqrt();
         }
     }
 
@@ -205,6 +232,15 @@ impl Problem<'_> {
             None => alone,
         }
     }
+}
+
+/// The noise of a measurement that is believed, in metres: that of its sensor, and across the approach that
+/// of the place on the pad, as far as the surface is inclined to it.
+pub(crate) fn nominal_m(noise: &Noise, attractor: &Attractor, observation: &Observation) -> f64 {
+    let Provenance { lateral_m, approach, .. } = attractor.provenance;
+    let normal = observation.at.normal;
+    let inclination = (normal - approach * normal.dot(&approach)).norm();
+    noise.of_m(attractor.sense, attractor.uncertainty).hypot(lateral_m * inclination)
 }
 
 /// Whether an axis that the symmetry is about has turned: about its own axis a bottle may turn.

@@ -40,7 +40,7 @@ impl Noise {
         match sense {
             Sense::Vision => VISION_M * self.vision,
             Sense::Touch => TOUCH_M * self.touch * (1.0 + BY_UNCERTAINTY * uncertainty),
-            Sense::Tangent => TANGENT_M * self.touch,
+            Sense::Tangent | Sense::Support => TANGENT_M * self.touch,
         }
     }
 
@@ -65,7 +65,8 @@ impl Noise {
         vision.into_iter().chain(touch).filter(move |guess| *guess != self)
     }
 
-    fn cost(&self) -> f64 {
+    /// What it costs not to be what is expected, in nats.
+    pub(super) fn cost(&self) -> f64 {
         OCTAVE_COST * (self.vision.log2().powi(2) + self.touch.log2().powi(2))
     }
 }

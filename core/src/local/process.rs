@@ -10,8 +10,11 @@ use faer::linalg::solvers::Solve;
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Col, Mat, Par, Scale, Side};
 
+use nalgebra::Matrix3;
+
 use super::kernel::add_covariances;
-use crate::geometry::SurfacePoint;
+use crate::evidence::attractor::Rigid;
+use crate::geometry::{SurfacePoint, Vector};
 use crate::symmetry::{Symmetry, SymmetryFrame};
 
 /// Share of the prior variance common to symmetric points.
@@ -29,6 +32,26 @@ pub struct Observation {
     pub height_m: f64,
     /// Standard deviation of the measurement, in metres.
     pub noise_m: f64,
+    /// The rigid offsets that it shares with others: measured where a group of points is moved by `b`, a
+    /// height is less by `n · b`.
+    pub rigid: [Option<Rigid>; 2],
+}
+
+impl Observation {
+    /// A measurement with an error of its own only.
+    pub fn new(at: SurfacePoint, height_m: f64, noise_m: f64) -> Self {
+        Self { at, height_m, noise_m, rigid: [None; 2] }
+    }
+
+    /// Covariance of two measurements by the rigid offsets that they share, in square metres.
+    fn shared_variance(&self, other: &Self) -> f64 {
+        let facing = self.at.normal.dot(&other.at.normal);
+        let shared = |(a, b): (&Option<Rigid>, &Option<Rigid>)| match (a, b) {
+            (Some(a), Some(b)) if a.group == b.group => a.std_m * b.std_m * facing,
+            _ => 0.0,
+        };
+        self.rigid.iter().zip(&other.rigid).map(shared).sum()
+    }
 }
 
 /// What is expected of a displacement before any measurement.
@@ -153,7 +176,8 @@ impl Displacement {
         let mut system = Mat::zeros(count, count);
         for column in 0..count {
             for row in column..count {
-                system[(row, column)] = variance * f64::from(gram.correlation[(row, column)]);
+                system[(row, column)] = variance * f64::from(gram.correlation[(row, column)])
+                    + observations[row].shared_variance(&observations[column]);
             }
             system[(column, column)] += observations[column].noise_m.powi(2) + prior.jitter();
         }
@@ -199,6 +223,39 @@ impl Displacement {
             (weight * (o.height_m - variance * weight), 1.0 - variance * precision)
         };
         measurements.map(share).collect()
+    }
+
+    /// For each measurement what the others say of it: how far it lies from what they expect, in metres, and
+    /// the variance of their expectation without the measurement's own noise, in square metres.
+    pub fn left_out(&self, observations: &[Observation]) -> Vec<(f64, f64)> {
+        let measurements = observations.iter().zip(&self.weights).zip(self.precisions());
+        let left_out = |((o, weight), precision): ((&Observation, &f64), f64)| {
+            (weight / precision, (1.0 / precision - self.noise_variance(o)).max(0.0))
+        };
+        measurements.map(left_out).collect()
+    }
+
+    /// What a group of measurements is off by as a whole, in metres, and the standard deviation in its least
+    /// certain direction.
+    pub fn rigid_offset(&self, observations: &[Observation], rigid: Rigid) -> (Vector, f64) {
+        let count = observations.len();
+        let is_member = |o: &Observation| o.rigid.iter().flatten().any(|other| other.group == rigid.group);
+        let variance = rigid.std_m * rigid.std_m;
+        // Covariances of the offset with the measurements.
+        let mut cross = Mat::<f64>::zeros(count, 3);
+        let mut mean = Vector::zeros();
+        for (row, (o, weight)) in observations.iter().zip(&self.weights).enumerate() {
+            if is_member(o) {
+                let with_offset = o.at.normal * -variance;
+                mean += with_offset * *weight;
+                (0..3).for_each(|axis| cross[(row, axis)] = with_offset[axis]);
+            }
+        }
+        solve_lower_triangular_in_place(self.factor.as_ref(), cross.as_mut(), Par::Seq);
+        let explained =
+            Matrix3::from_fn(|i, j| cross.col(i).iter().zip(cross.col(j).iter()).map(|(a, b)| a * b).sum());
+        let left = Matrix3::identity() * variance - explained;
+        (mean, left.symmetric_eigenvalues().max().max(0.0).sqrt())
     }
 
     /// The diagonal of `K⁻¹`.
@@ -261,7 +318,7 @@ impl Displacement {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{Direction, Icosphere, Point, Vector};
+    use crate::geometry::{Direction, Icosphere, Point};
     use nalgebra::Rotation3;
 
     fn prior(symmetry: Symmetry) -> Prior {
@@ -270,7 +327,7 @@ mod tests {
     }
 
     fn observation(direction: &Direction, height_m: f64) -> Observation {
-        Observation { at: place(direction), height_m, noise_m: 1e-5 }
+        Observation::new(place(direction), height_m, 1e-5)
     }
 
     fn place(direction: &Direction) -> SurfacePoint {

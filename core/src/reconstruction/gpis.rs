@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::{Detail, Estimate, GpisDetail, Surface};
 use crate::config::Config;
 use crate::evidence::ledger::Ledger;
-use crate::evidence::thin_visual;
+use crate::evidence::{Reading, thin_visual};
 use crate::geometry::Connectivity;
 use crate::implicit::ImplicitObject;
 use crate::uncertainty::Reach;
@@ -17,11 +17,13 @@ const VISUAL_POINTS: usize = 100;
 const CELLS: usize = 2;
 
 pub(super) fn estimate(ledger: &Ledger, config: &Config) -> Estimate {
-    let attractors = thin_visual(&ledger.attractors, VISUAL_POINTS, true);
+    let reading = Reading::as_printed(ledger);
+    let attractors = thin_visual(&reading.attractors(ledger, config.tactile_u_max), VISUAL_POINTS, true);
+    let free_space = reading.free_space(ledger, config.probe_half_travel_m);
 
     // The field is 0 at the attractors, -1 in the middle of the object, 1 far around it, and positive where
     // the probe has swept freely.
-    let object = ImplicitObject::fit(&attractors, &ledger.free_space, ledger.viewpoint.as_ref());
+    let object = ImplicitObject::fit(&attractors, &free_space, reading.viewpoint(ledger).as_ref());
 
     // Its zero level is the surface.
     let mesh = object.mesh(CELLS << config.icosphere_subdivisions);

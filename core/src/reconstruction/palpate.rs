@@ -1,11 +1,11 @@
 //! METHOD_PALPATE on one page: from all evidence, failures included, to a surface with its
 //! standard deviation.
 
-use super::{Detail, Estimate, PalpateDetail, Surface};
+use super::{Detail, Estimate, PalpateDetail, Surface, belief, motion};
 use crate::config::Config;
-use crate::evidence::FitEvidence;
 use crate::evidence::ledger::Ledger;
-use crate::geometry::Icosphere;
+use crate::evidence::{FitEvidence, Reading};
+use crate::geometry::{Icosphere, Plane};
 use crate::local;
 use crate::schedule::Extras;
 use crate::template::{self, TemplateSurface};
@@ -18,29 +18,187 @@ pub(super) fn estimate(
     sphere: &'static Icosphere,
 ) -> Estimate {
     let number = before.map_or(1, |before| before.number + 1);
-    let (extras, stages) = (Extras::of_fit(number), &config.stages);
-    let evidence = FitEvidence::of(ledger, stages);
+    let scene =
+        Scene { ledger, start: before.map(Start::of), extras: Extras::of_fit(number), config, sphere };
+    // What was told is read as it was believed after the last fit, and in some fits otherwise, too: the
+    // reading under which the measurements are the most likely is kept.
+    let reading = before.map_or_else(|| Reading::first(config), |before| before.reading.told(ledger));
+    let mut best = scene.settled(&reading);
+    if scene.extras.readings {
+        for other in belief::alternatives(&best.reading, ledger) {
+            let other = scene.settled(&scene.settled(&other).reading);
+            if let Some(better) = scene.better(&best, other, CLEARLY) {
+                best = better;
+            }
+        }
+    }
+    for (moved, margin) in scene.moved(&best) {
+        let motions = best.reading.motions.len();
+        let found = scene.better(&best, moved, margin);
+        best = match found {
+            Some(found) if config.follows_motion || found.reading.motions.len() <= motions => found,
+            Some(found) => {
+                best.reading.suspected = found.reading.motions.last().copied();
+                best
+            }
+            None => best,
+        };
+    }
+    best.estimate(number, ledger.support.as_ref(), config, sphere)
+}
 
-    // Section III-D: the template guesses the whole from the part.
-    let template = template::select(&evidence, before.map(|b| &b.template), extras, stages);
-    let surface = TemplateSurface::new(template.shape.mesh(sphere));
+/// Another reading has to be this much more likely, in nats: a Bayes factor of 20.
+const CLEARLY: f64 = 3.0;
+/// And that of an object that has moved by this much: it is rare, and a better template looks like it.
+const MOVED_CLEARLY: f64 = 30.0;
 
-    // Section III-E: a Gaussian process over it meets what was measured and leaves free what was swept.
-    let last = before.map(|b| &b.raised.hyperparameters);
-    let raised = local::raise(&surface, &template.shape, &evidence, last, extras, config);
-    let mesh = surface.raised(&raised.heights_m);
+/// What a fit starts from, and what it is made of.
+#[derive(Clone, Copy)]
+struct Scene<'a> {
+    ledger: &'a Ledger,
+    start: Option<Start<'a>>,
+    extras: Extras,
+    config: &'a Config,
+    sphere: &'static Icosphere,
+}
 
-    // Section III-F: uncertainty spreads from the attractors, then to what a revolution makes symmetric.
-    let (attractors, reach) = (&evidence.attractors, Reach::of(config));
-    let mut uncertainty = uncertainty::propagate(&sphere.connectivity, &mesh.vertices, attractors, reach);
-    if stages.symmetry_first {
-        let symmetry = raised.process.symmetry();
-        uncertainty = uncertainty::lowered_by_symmetry(uncertainty, &mesh, symmetry, attractors, reach);
+/// What an earlier fit leaves to the next.
+#[derive(Clone, Copy)]
+struct Start<'a> {
+    template: &'a template::SelectedFit,
+    hyperparameters: &'a local::Hyperparameters,
+}
+
+impl<'a> Start<'a> {
+    fn of(before: &'a PalpateDetail) -> Self {
+        Self { template: &before.template, hyperparameters: &before.raised.hyperparameters }
+    }
+}
+
+/// The stages of one fit.
+struct Fitted {
+    /// How the next fit is to read the evidence.
+    reading: Reading,
+    evidence: FitEvidence,
+    template: template::SelectedFit,
+    surface: TemplateSurface,
+    raised: local::Raised,
+}
+
+impl Scene<'_> {
+    /// A fit with a reading, and another where that doubts other touches than the reading did. Doubts that
+    /// leave a surface under which the measurements are clearly less likely are dropped.
+    fn settled(&self, reading: &Reading) -> Fitted {
+        let fitted = self.fit(reading);
+        if !fitted.reading.doubts_others_than(reading) {
+            return fitted;
+        }
+        let doubting = self.fit(&fitted.reading);
+        let only_believes_more = !fitted.reading.doubts_more_than(reading);
+        if only_believes_more || doubting.log_likelihood() > fitted.log_likelihood() - CLEARLY {
+            return doubting;
+        }
+        let reading = Reading { doubts: reading.doubts.clone(), ..fitted.reading };
+        Fitted { reading, ..fitted }
     }
 
-    let template_std_m = template.deviations_m(&surface.mesh().vertices);
-    let std_m = Some(raised.std_m.clone());
-    let detail = PalpateDetail { number, template, template_std_m, raised };
-    let surface = Surface { mesh, uncertainty, std_m };
-    Estimate::new(surface, reach, Detail::Palpate(Box::new(detail)), sphere.connectivity.clone())
+    /// The fit of another reading where that is clearly the more likely, and not by its template alone: a fit
+    /// of the first reading that starts from there is no better.
+    fn better(&self, best: &Fitted, other: Fitted, margin: f64) -> Option<Fitted> {
+        let is_clear = |best: &Fitted| other.log_likelihood() > best.log_likelihood() + margin;
+        if !is_clear(best) {
+            return None;
+        }
+        let challenger = Scene { start: Some(other.start()), ..*self }.settled(&best.reading);
+        is_clear(&challenger).then_some(other)
+    }
+
+    /// Fits for an object that has moved, where there are signs of it, and for one that has not or otherwise
+    /// where a motion was found lately; each with how much more likely it has to be.
+    fn moved(&self, best: &Fitted) -> Vec<(Fitted, f64)> {
+        let Self { ledger, extras, config, .. } = *self;
+        if !config.stages.motion {
+            return Vec::new();
+        }
+        let revised = motion::without_latest(&best.reading, ledger).filter(|_| extras.readings);
+        let reading = revised.as_ref().unwrap_or(&best.reading);
+        let since = motion::suspected_since(reading, ledger, extras.readings);
+        let Some(first) = since.first() else { return Vec::new() };
+        let earlier = ledger.until(*first);
+        let fresh = Self { start: None, extras: Extras::of_fit(1), ..*self };
+        let known = Scene { ledger: &earlier, ..fresh }.fit(reading);
+        let mesh = known.surface.raised(&known.raised.heights_m);
+        let normals = mesh.vertex_normals();
+        let known = motion::Known { vertices: &mesh.vertices, normals: &normals, std_m: &known.raised.std_m };
+        let found = motion::found(reading, ledger, &known, &since).map(|motion| reading.moved(motion));
+        // The second fit of a session tries another part, too.
+        let fitted = |reading: Reading| {
+            let first = fresh.settled(&reading);
+            let second = Scene { start: Some(first.start()), extras: Extras::of_fit(2), ..*self };
+            second.settled(&first.reading)
+        };
+        let margin =
+            if revised.is_some() { CLEARLY } else { MOVED_CLEARLY * (1 + reading.motions.len()) as f64 };
+        found.into_iter().chain(revised.clone()).map(|reading| (fitted(reading), margin)).collect()
+    }
+
+    /// Sections III-D and III-E for one reading of the evidence.
+    fn fit(&self, reading: &Reading) -> Fitted {
+        let Self { ledger, start, extras, config, sphere } = *self;
+        let stages = &config.stages;
+        let evidence = FitEvidence::of(ledger, reading, config);
+
+        // Section III-D: the template guesses the whole from the part.
+        let template = template::select(&evidence, start.map(|start| start.template), extras, stages);
+        let surface = TemplateSurface::new(template.shape.mesh(sphere));
+
+        // Section III-E: a Gaussian process over it meets what was measured and leaves free what was swept.
+        let last = start.map(|start| start.hyperparameters);
+        let raised = local::raise(&surface, &template.shape, &evidence, last, extras, config);
+        let mut reading = belief::learnt(reading, &raised);
+        reading.stands_at =
+            ledger.support.and_then(|plane| surface.mesh().lowest_over(&plane)).map(|(foot, _)| foot);
+        Fitted { reading, evidence, template, surface, raised }
+    }
+}
+
+impl Fitted {
+    fn start(&self) -> Start<'_> {
+        Start { template: &self.template, hyperparameters: &self.raised.hyperparameters }
+    }
+
+    /// How likely the measurements were, with what the template's parameters cost.
+    fn log_likelihood(&self) -> f64 {
+        let count = self.evidence.measured.len() as f64;
+        self.raised.log_likelihood - 0.5 * self.template.parameters() * count.ln()
+    }
+
+    /// Section III-F: uncertainty spreads from the attractors, then to what a revolution makes symmetric.
+    fn estimate(
+        self,
+        number: usize,
+        support: Option<&Plane>,
+        config: &Config,
+        sphere: &'static Icosphere,
+    ) -> Estimate {
+        let Self { reading, evidence, template, surface, raised } = self;
+        let mut mesh = surface.raised(&raised.heights_m);
+        if let Some(support) = support {
+            mesh = mesh.above(support);
+        }
+        let attractors: Vec<_> = evidence.believed().copied().collect();
+        let reach = Reach::of(config);
+        let mut uncertainty =
+            uncertainty::propagate(&sphere.connectivity, &mesh.vertices, &attractors, reach);
+        if config.stages.symmetry_first {
+            let symmetry = raised.process.symmetry();
+            uncertainty = uncertainty::lowered_by_symmetry(uncertainty, &mesh, symmetry, &attractors, reach);
+        }
+
+        let template_std_m = template.deviations_m(&surface.mesh().vertices);
+        let std_m = Some(raised.std_m.clone());
+        let detail = PalpateDetail { number, reading, template, template_std_m, raised };
+        let surface = Surface { mesh, uncertainty, std_m };
+        Estimate::new(surface, reach, Detail::Palpate(Box::new(detail)), sphere.connectivity.clone())
+    }
 }

@@ -2,6 +2,7 @@
 
 use super::{Detail, Estimate, PaperDetail, Surface};
 use crate::config::Config;
+use crate::evidence::Reading;
 use crate::evidence::ledger::Ledger;
 use crate::geometry::Icosphere;
 use crate::local::thin_plate::ThinPlate;
@@ -9,10 +10,12 @@ use crate::template::{TemplateSurface, ellipsoid};
 use crate::uncertainty::{self, Reach};
 
 pub(super) fn estimate(ledger: &Ledger, config: &Config, sphere: &'static Icosphere) -> Estimate {
-    let (attractors, viewpoint) = (&ledger.attractors, ledger.viewpoint.as_ref());
+    let reading = Reading::as_printed(ledger);
+    let attractors = &reading.attractors(ledger, config.tactile_u_max);
+    let viewpoint = reading.viewpoint(ledger);
 
     // Section III-D: the template guesses the whole from the part.
-    let template = ellipsoid::fit(attractors, viewpoint, config.template_axes);
+    let template = ellipsoid::fit(attractors, viewpoint.as_ref(), config.template_axes);
     let surface = TemplateSurface::new(template.shape.mesh(sphere));
 
     // Section III-E: a thin plate over it meets the attractors, Eq. (2).

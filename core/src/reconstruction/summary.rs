@@ -48,6 +48,8 @@ pub enum StopReason {
     Stalled,
     /// The template has grown without bound: the points do not look like one object.
     Diverged,
+    /// The object seems to have moved, and the session does not follow it.
+    Moved,
 }
 
 impl Reconstruction {
@@ -81,6 +83,8 @@ impl Reconstruction {
         let estimate = self.last_estimate()?;
         if estimate.has_diverged() {
             Some(StopReason::Diverged)
+        } else if self.findings().motion.is_some_and(|motion| !motion.is_followed) {
+            Some(StopReason::Moved)
         } else if rule.mean_uncertainty_below.is_some_and(|below| stats.mean_uncertainty < below) {
             Some(StopReason::Coverage)
         } else if most_failures.is_some_and(|most| stats.consecutive_failures >= most) {
@@ -131,8 +135,9 @@ impl Estimate {
                 fingerprint.number(*residual_m);
             }
             Detail::Palpate(detail) => {
-                let PalpateDetail { number, template, template_std_m, raised } = &**detail;
+                let PalpateDetail { number, reading, template, template_std_m, raised } = &**detail;
                 fingerprint.count(*number);
+                reading.fingerprint(fingerprint);
                 template.fingerprint(fingerprint);
                 fingerprint.numbers(template_std_m);
                 raised.hyperparameters.fingerprint(fingerprint);

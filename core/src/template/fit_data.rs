@@ -12,6 +12,9 @@ const VISUAL_TOUCHES: f64 = 10.0;
 /// A point of the plane that a measured normal tells of weighs this share of its touch.
 const TANGENT_WEIGHT: f64 = 0.1;
 
+/// The point that the object stands on weighs less than a touch: where it is on the plane is a guess.
+const SUPPORT_WEIGHT: f64 = 0.5;
+
 /// What a template is fitted to, in the frame of the patch.
 #[derive(Clone, Debug)]
 pub(super) struct FitData {
@@ -33,8 +36,9 @@ impl FitData {
                 Sense::Vision => visual_weight,
                 Sense::Touch => 1.0,
                 Sense::Tangent => TANGENT_WEIGHT,
+                Sense::Support => SUPPORT_WEIGHT,
             };
-            (frame.local(&a.point), weight.sqrt())
+            (frame.local(&a.point), (weight * (1.0 - a.provenance.doubt)).sqrt())
         };
         let local = |points: &[Point]| points.iter().map(|point| frame.local(point)).collect();
         Self {

@@ -67,6 +67,11 @@ impl SelectedFit {
         parts.iter().chain([single, ellipsoid]).for_each(|part| part.fingerprint(fingerprint));
     }
 
+    /// How many parameters it has.
+    pub(crate) fn parameters(&self) -> f64 {
+        self.parts.iter().map(Part::parameters).sum()
+    }
+
     /// Standard deviations of the template along its normal near some points, each by the covariance
     /// of the nearest part's parameters, in metres.
     pub fn deviations_m(&self, points: &[Point]) -> Vec<f64> {
@@ -85,14 +90,14 @@ impl SelectedFit {
 
 /// Selects and fits the template, going on from the fit before.
 pub(crate) fn select(
-    evidence: &FitEvidence<'_>,
+    evidence: &FitEvidence,
     before: Option<&SelectedFit>,
     extras: Extras,
     stages: &Stages,
 ) -> SelectedFit {
-    let (attractors, viewpoint) = (&evidence.measured, evidence.viewpoint);
+    let (attractors, viewpoint) = (&evidence.measured, evidence.viewpoint.as_ref());
     let frame = PatchFrame::of(attractors, viewpoint);
-    let data = FitData::new(attractors, evidence.free_space, frame);
+    let data = FitData::new(attractors, &evidence.free_space, frame);
     let alone = Distances::to(std::iter::empty(), &data);
 
     let (start, steps) = match before {
@@ -202,10 +207,9 @@ mod tests {
     fn the_template_is_unsure_of_an_end_that_nothing_has_touched() {
         // The sides of an ellipsoid that stands upright; what was seen of it is one of them.
         let touches = Icosphere::get(3).directions.iter().filter(|direction| direction.z.abs() < 0.6);
-        let on_side = |direction: &Vector, sense| Attractor {
-            point: Point::from(direction.component_mul(&Vector::new(0.03, 0.03, 0.06))),
-            uncertainty: 0.1,
-            sense,
+        let on_side = |direction: &Vector, sense| {
+            let point = Point::from(direction.component_mul(&Vector::new(0.03, 0.03, 0.06)));
+            Attractor::new(point, 0.1, sense)
         };
         let attractors: Vec<Attractor> = touches
             .map(|direction| on_side(direction, if direction.x > 0.8 { Sense::Vision } else { Sense::Touch }))
@@ -214,8 +218,8 @@ mod tests {
         let evidence = FitEvidence {
             attractors: attractors.clone(),
             measured: attractors,
-            free_space: &FreeSpace::default(),
-            viewpoint: Some(&camera),
+            free_space: FreeSpace::default(),
+            viewpoint: Some(camera),
         };
         let fit = select(&evidence, None, Extras::of_fit(1), &Stages::default());
         let places = [Point::new(0.0, 0.03, 0.0), Point::new(0.0, 0.0, 0.06)];

@@ -65,7 +65,7 @@ mod tests {
         let nearest =
             |x: f64, y: f64| nearest_vertex(&mesh.vertices, &Point::new(x, y, 0.0)).unwrap() as usize;
         let (here, opposite) = (nearest(0.05, 0.0), nearest(-0.05, 0.0));
-        let at = [Attractor { point: mesh.vertices[here], uncertainty: 0.0, sense: Sense::Touch }];
+        let at = [Attractor::new(mesh.vertices[here], 0.0, Sense::Touch)];
         let before = propagate(&sphere.connectivity, &mesh.vertices, &at, reach);
         let after = lowered_by_symmetry(before.clone(), &mesh, &frame, &at, reach);
         assert_eq!((before[opposite], after[here]), (1.0, 0.0));

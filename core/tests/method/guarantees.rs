@@ -120,7 +120,7 @@ fn fit_rms_is_the_distance_to_the_surface_and_not_to_the_template() {
         let surface = state.surface().unwrap();
         let index = SurfaceIndex::new(&surface.mesh).unwrap();
         let stated_m = state.stats().fit_rms_m;
-        let attractors = &state.ledger().attractors;
+        let attractors = &state.attractors();
         // The paper's method works in the session's frame, so its ledger can be compared directly.
         if method == Method::Paper {
             let squares: f64 = attractors.iter().map(|a| index.closest(&a.point).distance_m.powi(2)).sum();

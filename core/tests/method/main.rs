@@ -2,13 +2,16 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that meets nothing where something must be has failed")]
 
+mod arms;
+mod faults;
 mod guarantees;
 mod object;
+mod robot;
 
 use palpate_core::config::{Axes, Config, DeclaredSymmetry, Method, Settings, StopRule, Strategy};
 use palpate_core::error::Error;
 use palpate_core::evidence::{
-    Attempt, Contact, ContactDetail, Evidence, Outcome, Sweep, Target, VisualPrior, Wrench,
+    Attempt, Contact, ContactDetail, Evidence, Outcome, Pad, Sweep, Target, VisualPrior, Wrench,
 };
 use palpate_core::exploration::{Candidate, KeepOut, ProposalRequest};
 use palpate_core::geometry::{Point, Pose, Vector};
@@ -123,7 +126,7 @@ fn no_candidate_enters_what_is_kept_out() {
 /// A touch at a point, with a pose and a wrench of its own.
 fn touch_at(point: Point, wrench: Wrench) -> Evidence {
     let pose = Pose::translation(point.x, point.y, point.z);
-    let contact = Contact::new(pose, wrench, 0.009, ContactDetail::default()).unwrap();
+    let contact = Contact::new(pose, wrench, Pad::new(0.009).unwrap(), ContactDetail::default()).unwrap();
     Evidence::Attempt(Attempt { target: None, outcome: Outcome::Contact(contact) })
 }
 

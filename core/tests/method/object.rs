@@ -3,7 +3,7 @@
 use nalgebra::UnitQuaternion;
 use palpate_core::config::{Config, Method, Settings};
 use palpate_core::evidence::{
-    Attempt, Contact, ContactDetail, Evidence, Outcome, Sweep, Target, VisualPrior, Wrench,
+    Attempt, Contact, ContactDetail, Evidence, Outcome, Pad, Sweep, Target, TouchedPoint, VisualPrior, Wrench,
 };
 use palpate_core::exploration::{Candidate, ProposalRequest};
 use palpate_core::geometry::{Icosphere, Point, Pose, Vector};
@@ -20,6 +20,11 @@ pub(crate) const METHODS: [Method; 3] = [Method::Paper, Method::Palpate, Method:
 /// The defaults of a method.
 pub(crate) fn of(method: Method) -> Settings {
     Settings { method, ..Settings::default() }
+}
+
+/// A probe that touches with its tip, whatever torque it shows, as in the paper.
+pub(crate) fn point_pad() -> Pad {
+    Pad::new(0.009).unwrap().touching_with(TouchedPoint::PadCentre)
 }
 
 pub(crate) fn best() -> ProposalRequest {
@@ -65,26 +70,33 @@ impl Object {
     /// Probes from far outside to inside along a candidate's way.
     pub(crate) fn touch(&self, candidate: &Candidate) -> Evidence {
         let target = Target::new(candidate.point, candidate.normal.into_inner()).unwrap();
+        let way = candidate.probe_end - candidate.probe_start;
+        let first = self.met_at(&candidate.probe_start, &way);
+        let outcome = if let Some(first) = first {
+            let point = candidate.probe_start + way * first;
+            let force = Vector::new(0.0, 0.0, -5.0);
+            let wrench = Wrench { force, torque: Vector::new(0.001, -0.002, 0.0).cross(&force) };
+            let facing = UnitQuaternion::rotation_between(&Vector::z(), &-candidate.normal.into_inner());
+            let pose = Pose::from_parts(point.coords.into(), facing.unwrap_or_else(UnitQuaternion::identity));
+            Outcome::Contact(Contact::new(pose, wrench, point_pad(), ContactDetail::default()).unwrap())
+        } else {
+            let sweep = Sweep::new(candidate.probe_start, candidate.probe_end, 0.0);
+            Outcome::NoContact(sweep.unwrap())
+        };
+        Evidence::Attempt(Attempt { target: Some(target), outcome })
+    }
+
+    /// After which share of a way the surface is met; from a start inside, before it began.
+    pub(crate) fn met_at(&self, from: &Point, way: &Vector) -> Option<f64> {
         let unit = |p: &Point| (self.base_from_object.inverse() * p).coords.component_div(&self.semi_axes);
-        let (from, to) = (unit(&candidate.probe_start), unit(&candidate.probe_end));
+        let (from, to) = (unit(from), unit(&(from + way)));
         let way = to - from;
         let (a, b, c) = (way.norm_squared(), from.dot(&way), from.norm_squared() - 1.0);
         let discriminant = b * b - a * c;
         let first = (-b - discriminant.max(0.0).sqrt()) / a;
         // From a start inside, the object was touched on the way there.
         let is_free = discriminant < 0.0 || first > 1.0 || (first < 0.0 && c >= 0.0);
-        let outcome = if is_free {
-            let sweep = Sweep::new(candidate.probe_start, candidate.probe_end, 0.0);
-            Outcome::NoContact(sweep.unwrap())
-        } else {
-            let point = candidate.probe_start + (candidate.probe_end - candidate.probe_start) * first;
-            let force = Vector::new(0.0, 0.0, -5.0);
-            let wrench = Wrench { force, torque: Vector::new(0.001, -0.002, 0.0).cross(&force) };
-            let facing = UnitQuaternion::rotation_between(&Vector::z(), &-candidate.normal.into_inner());
-            let pose = Pose::from_parts(point.coords.into(), facing.unwrap_or_else(UnitQuaternion::identity));
-            Outcome::Contact(Contact::new(pose, wrench, 0.009, ContactDetail::default()).unwrap())
-        };
-        Evidence::Attempt(Attempt { target: Some(target), outcome })
+        (!is_free).then_some(first)
     }
 
     /// The mean distance of a session's vertices to the surface, to first order, in metres.

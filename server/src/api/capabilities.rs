@@ -5,7 +5,8 @@ use palpate_proto::v1;
 use crate::wire::from_proto;
 
 /// What no enum of the contract names.
-const FEATURES: [&str; 4] = ["keep_out", "symmetry", "explore", "watch"];
+const FEATURES: [&str; 8] =
+    ["keep_out", "support", "symmetry", "explore", "watch", "lease", "pads", "contacts"];
 
 /// The capabilities that `ServerInfo` lists, such as `method:paper`.
 pub(super) fn capabilities() -> Vec<String> {
@@ -42,10 +43,14 @@ mod tests {
             "symmetry:revolution",
             "points:xyz_f32_le",
             "points:ply",
+            "points:pcd",
+            "points:packed",
+            "points:depth_u16",
+            "points:depth_png",
             "watch",
         ] {
             assert!(capabilities.iter().any(|name| name == expected), "{expected}");
         }
-        assert!(!capabilities.iter().any(|name| name.contains("depth") || name.contains("unspecified")));
+        assert!(!capabilities.iter().any(|name| name.contains("unspecified")));
     }
 }

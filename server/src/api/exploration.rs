@@ -2,16 +2,17 @@
 
 use std::sync::Arc;
 
-use palpate_core::exploration::{self, ProposalRequest};
+use palpate_core::exploration::{self, Proposal};
+use palpate_core::warning::{Warning, WarningKind};
 use palpate_proto::v1;
 use palpate_proto::v1::event::Kind;
 use tokio::time::Instant;
 
-use super::{Api, Call, computed, request_key, stored};
+use super::{Api, Call, appended, request_key, stored};
 use crate::error::{Error, FieldViolation};
 use crate::limits::Limits;
-use crate::session::{AddedView, Snapshot};
-use crate::sessions::{Change, Computed, RequestKey};
+use crate::session::{AddedView, Question, Snapshot, now_us};
+use crate::sessions::{Change, Decision, RequestKey, StoredEvent};
 use crate::wire::{event, from_proto, to_proto};
 
 /// Where a caller wrote the parts of a request: the unary calls and the stream differ in that.
@@ -20,9 +21,10 @@ pub(super) struct FieldNames {
     pub(super) prior: &'static str,
     pub(super) propose: &'static str,
     pub(super) robot: &'static str,
+    pub(super) lease: &'static str,
 }
 
-const UNARY: FieldNames = FieldNames { prior: "prior", propose: "propose", robot: "robot" };
+const UNARY: FieldNames = FieldNames { prior: "prior", propose: "propose", robot: "robot", lease: "lease" };
 
 impl Api {
     /// Adds a camera's view of the object.
@@ -42,7 +44,7 @@ impl Api {
         .await
     }
 
-    /// Proposes where to touch next; changes nothing.
+    /// Proposes where to touch next; changes nothing unless a lease is asked.
     ///
     /// # Errors
     /// A field cannot be used, or there is no estimate yet.
@@ -53,7 +55,7 @@ impl Api {
     ) -> Result<v1::ProposeContactsResponse, Error> {
         let session_id = request.session_id.clone();
         self.run_on_session("ProposeContacts", &session_id, &call, async |deadline| {
-            self.propose(request, FieldNames { propose: "top_k", ..UNARY }, deadline).await
+            self.propose(request, &call.actor, FieldNames { propose: "top_k", ..UNARY }, deadline).await
         })
         .await
     }
@@ -90,32 +92,37 @@ impl Api {
         let wanted =
             from_proto::exploration_request(names.propose, propose, names.robot, robot, &self.limits)?;
         let event = event::encode(Kind::VisualPrior(prior.clone()));
-        let compute = move |before: &Snapshot| absorb_prior(before, &prior, names.prior, &wanted);
+        let compute = move |before: &Snapshot| absorb_prior(before, &prior, &event, names.prior, &wanted);
         let actor = actor.to_owned();
         let change =
-            Change { session_id, request: key, expected_revision, actor, event, compute: Arc::new(compute) };
+            Change { session_id, request: key, expected_revision, actor, compute: Arc::new(compute) };
         stored(&self.sessions.change(change, deadline).await?.bytes)
     }
 
     pub(super) async fn propose(
         &self,
         request: v1::ProposeContactsRequest,
+        actor: &str,
         names: FieldNames,
         deadline: Instant,
     ) -> Result<v1::ProposeContactsResponse, Error> {
-        // A question changes nothing, so asking it again needs no protection.
+        // Only a lease changes anything, so without one asking again needs no protection.
+        let key = request_key(&request.request_id, &request, &self.limits)?;
         let v1::ProposeContactsRequest { session_id, top_k, robot, lease, request_id: _ } = request;
-        if lease.is_some() {
-            return Err(Error::unimplemented("lease"));
-        }
         let top_k = top_k.max(1);
-        let request =
+        let question =
             from_proto::exploration_request(names.propose, top_k, names.robot, robot.as_ref(), &self.limits)?;
+        if let Some(wanted) = lease {
+            let duration =
+                from_proto::lease_duration(names.lease, wanted, names.robot, &question, &self.limits)?;
+            return self.lease(session_id, question, duration, key, actor, deadline).await;
+        }
         let snapshot = self.sessions.newest(&session_id, deadline).await?;
         if snapshot.reconstruction.last_estimate().is_none() {
             return Err(Error::NoVisualPrior);
         }
-        self.sessions.pool.run(deadline, move || proposal(&snapshot, &request)).await
+        let propose = move || answer(&snapshot, &question, &snapshot.propose(&question, now_us()));
+        self.sessions.pool.run(deadline, propose).await
     }
 
     pub(super) async fn report(
@@ -138,10 +145,10 @@ impl Api {
         )?;
         let event = event::encode(Kind::ContactResult(result.clone()));
         let limits = self.limits.clone();
-        let compute = move |before: &Snapshot| absorb_result(before, &result, &wanted, &limits);
+        let compute = move |before: &Snapshot| absorb_result(before, &result, &event, &wanted, &limits);
         let actor = actor.to_owned();
         let change =
-            Change { session_id, request: key, expected_revision, actor, event, compute: Arc::new(compute) };
+            Change { session_id, request: key, expected_revision, actor, compute: Arc::new(compute) };
         let reply = self.sessions.change(change, deadline).await?;
         let first: v1::ReportContactResponse = stored(&reply.bytes)?;
         Ok(v1::ReportContactResponse { duplicate: reply.duplicate, ..first })
@@ -151,39 +158,59 @@ impl Api {
 fn absorb_prior(
     before: &Snapshot,
     prior: &v1::VisualPrior,
+    event: &StoredEvent,
     path: &str,
-    wanted: &ProposalRequest,
-) -> Result<Computed<Snapshot>, Error> {
-    let from_proto::Prior { evidence, finite, non_finite, voxel_m } = from_proto::visual_prior(path, prior)?;
-    let added = before.add_view(&evidence, before.next_event_us());
-    let (after, AddedView { update, accepted, edge_m }) = added.map_err(|error| refused(path, error))?;
+    wanted: &Question,
+) -> Result<Decision<Snapshot>, Error> {
+    let from_proto::Prior { evidence, finite, non_finite, repeated, flying, voxel_m, mut warnings } =
+        from_proto::visual_prior(path, prior)?;
+    let added = before.add_view(&evidence, prior.keep_clutter, before.next_event_us());
+    let (after, AddedView { update, accepted, edge_m, clutter }) =
+        added.map_err(|error| refused(path, error))?;
+    let plausible = &before.definition.plausible_size;
+    warnings.extend(from_proto::check_size(path, &clutter.kept, plausible)?);
+    warnings.extend(clutter.warnings());
+    warnings.extend(update.warnings);
     let count = |points: usize| u32::try_from(points).unwrap_or(u32::MAX);
     let reply = v1::AddVisualPriorResponse {
         session: Some(to_proto::session(&after)),
         accepted_points: count(accepted),
-        dropped_points: count(finite - accepted),
+        dropped_points: count(finite.saturating_sub(clutter.count() + accepted)),
         candidates: next_candidates(&after, wanted),
-        warnings: update.warnings,
+        warnings: to_proto::warning_texts(&warnings),
+        warning_details: to_proto::warnings(&warnings),
+        set_aside: Some(v1::SetAside {
+            repeated_points: count(repeated),
+            support_points: count(clutter.support),
+            isolated_points: count(clutter.isolated),
+            flying_points: count(flying + clutter.flying),
+            points_f32_le: to_proto::points_f32(&clutter.shown),
+            support: clutter.plane.as_ref().map(to_proto::half_space),
+        }),
         should_stop: to_proto::stop_reason(after.should_stop).into(),
         // The caller's own voxels count where they are the larger ones.
         voxel_m: edge_m.unwrap_or(0.0).max(voxel_m.unwrap_or(0.0)),
         non_finite_points: count(non_finite),
     };
-    Ok(computed(after, &reply))
+    Ok(appended(event.clone(), after, &reply))
 }
 
 fn absorb_result(
     before: &Snapshot,
     result: &v1::ContactResult,
-    wanted: &ProposalRequest,
+    event: &StoredEvent,
+    wanted: &Question,
     limits: &Limits,
-) -> Result<Computed<Snapshot>, Error> {
+) -> Result<Decision<Snapshot>, Error> {
     if before.stats.attempts >= limits.contacts {
         return Err(Error::SessionFull { limit: limits.contacts });
     }
-    let attempt = from_proto::attempt(result, &before.definition, before.revision, limits)?;
-    let absorbed = before.absorb(attempt, before.next_event_us());
+    let from_proto::Reported { evidence, mut warnings } =
+        from_proto::reported(result, &before.definition, before.revision, limits)?;
+    let absorbed = before.absorb(evidence, &result.candidate_id, before.next_event_us());
     let (after, update) = absorbed.map_err(|error| refused("result", error))?;
+    warnings.extend(update.warnings);
+    let (touched, how_touched) = after.reconstruction.latest_touches();
     let reply = v1::ReportContactResponse {
         session: Some(to_proto::session(&after)),
         seq: after.revision,
@@ -191,32 +218,42 @@ fn absorb_result(
         contact_uncertainty: update.contact_uncertainty.unwrap_or(0.0),
         max_vertex_move_m: update.max_vertex_move_m,
         candidates: next_candidates(&after, wanted),
-        warnings: update.warnings,
+        warnings: to_proto::warning_texts(&warnings),
+        warning_details: to_proto::warnings(&warnings),
+        touched_points: touched.iter().map(to_proto::point).collect(),
+        touched_point: to_proto::touched_point(how_touched, touched.is_empty()).into(),
         should_stop: to_proto::stop_reason(after.should_stop).into(),
     };
-    Ok(computed(after, &reply))
+    Ok(appended(event.clone(), after, &reply))
 }
 
-fn next_candidates(after: &Snapshot, wanted: &ProposalRequest) -> Vec<v1::Candidate> {
-    if wanted.top_k() == 0 {
+fn next_candidates(after: &Snapshot, wanted: &Question) -> Vec<v1::Candidate> {
+    if wanted.request.top_k() == 0 {
         return Vec::new();
     }
-    to_proto::candidates(after, &after.propose(wanted).candidates)
+    to_proto::candidates(after, &after.propose(wanted, after.updated_us).candidates)
 }
 
-fn proposal(snapshot: &Snapshot, request: &ProposalRequest) -> v1::ProposeContactsResponse {
-    let proposal = snapshot.propose(request);
+/// The reply to a question, for a session as it is after the proposal.
+pub(super) fn answer(
+    snapshot: &Snapshot,
+    question: &Question,
+    proposal: &Proposal,
+) -> v1::ProposeContactsResponse {
     let mut should_stop = to_proto::stop_reason(snapshot.should_stop);
-    if proposal.candidates.is_empty() && snapshot.should_stop.is_none() {
-        // The session would go on, but not within what this robot must keep away from.
+    if proposal.candidates.is_empty() && proposal.excluded.leased == 0 && snapshot.should_stop.is_none() {
+        // The session would go on, but not within what this robot must keep away from. What others have
+        // to themselves is free again soon.
         should_stop = v1::StopReason::NoAdmissibleCandidate;
     }
+    let warnings = below_object(snapshot, question, &proposal.candidates);
     v1::ProposeContactsResponse {
         revision: snapshot.revision,
         candidates: to_proto::candidates(snapshot, &proposal.candidates),
         excluded: Some(to_proto::excluded(&proposal.excluded)),
         should_stop: should_stop.into(),
-        warnings: below_object(snapshot, request, &proposal.candidates),
+        warnings: to_proto::warning_texts(&warnings),
+        warning_details: to_proto::warnings(&warnings),
     }
 }
 
@@ -224,10 +261,10 @@ fn proposal(snapshot: &Snapshot, request: &ProposalRequest) -> v1::ProposeContac
 /// Heights are along z, up in nearly every robot's base frame.
 fn below_object(
     snapshot: &Snapshot,
-    request: &ProposalRequest,
+    question: &Question,
     candidates: &[exploration::Candidate],
-) -> Vec<String> {
-    if request.keeps_out() || !snapshot.definition.keep_out.is_empty() {
+) -> Vec<Warning> {
+    if question.request.keeps_out() || snapshot.keeps_out() {
         return Vec::new();
     }
     let lowest_m = snapshot.reconstruction.surface().map_or(f64::NEG_INFINITY, |surface| {
@@ -237,11 +274,12 @@ fn below_object(
     if lowest_start_m >= lowest_m {
         return Vec::new();
     }
-    vec![format!(
+    let message = format!(
         "an approach begins at z = {lowest_start_m:.3} m, below the object, and no table was declared: if the \
          object stands on one at height h, create the session with \
-         config.keep_out [{{half_space: {{normal: {{z: 1}}, offset_m: h}}}}]"
-    )]
+         config.support {{normal: {{z: 1}}, offset_m: h}}"
+    );
+    vec![Warning::new(WarningKind::NoTable, message).with("start_z_m", lowest_start_m)]
 }
 
 fn refused(path: &str, error: palpate_core::error::Error) -> Error {

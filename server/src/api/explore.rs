@@ -24,7 +24,8 @@ use crate::wire::{from_proto, to_proto};
 /// Missed replies read from the log at once.
 const PAGE: i64 = 16;
 
-const NAMES: FieldNames = FieldNames { prior: "visual_prior", propose: "open.top_k", robot: "open.robot" };
+const NAMES: FieldNames =
+    FieldNames { prior: "visual_prior", propose: "open.top_k", robot: "open.robot", lease: "propose.lease" };
 
 /// One stream, once it is open.
 struct Exploration {
@@ -107,7 +108,7 @@ impl ExploreStream {
             Some(RequestMessage::Open(open)) => self.open(open, deadline).await,
             Some(RequestMessage::VisualPrior(prior)) => self.add_prior(prior, request_id, deadline).await,
             Some(RequestMessage::Result(result)) => self.report(result, request_id, deadline).await,
-            Some(RequestMessage::Propose(propose)) => self.propose(propose, deadline).await,
+            Some(RequestMessage::Propose(propose)) => self.propose(propose, request_id, deadline).await,
         };
         let session_id = self.open.as_ref().map_or("", |open| open.session_id.as_str());
         tracing::info_span!("explore", session_id, id)
@@ -172,6 +173,7 @@ impl ExploreStream {
                 match kind.map_err(|error| Error::internal(error.to_string()))? {
                     Kind::VisualPrior(_) => missed.push(ReplyMessage::Prior(stored(&row.reply)?)),
                     Kind::ContactResult(_) => missed.push(ReplyMessage::Accepted(stored(&row.reply)?)),
+                    Kind::Lease(_) => missed.push(ReplyMessage::Candidates(stored(&row.reply)?)),
                     Kind::Created(_) | Kind::RetractedSeq(_) | Kind::Finished(_) => {}
                 }
             }
@@ -217,6 +219,7 @@ impl ExploreStream {
     async fn propose(
         &self,
         mut request: v1::ProposeContactsRequest,
+        request_id: String,
         deadline: Instant,
     ) -> Result<Vec<ReplyMessage>, Error> {
         let open = self.open.as_ref().ok_or_else(not_open)?;
@@ -226,12 +229,15 @@ impl ExploreStream {
             return Err(Error::field("propose.session_id", description));
         }
         request.session_id.clone_from(&open.session_id);
+        if request.request_id.is_empty() {
+            request.request_id = request_id;
+        }
         let mut names = FieldNames { propose: "propose.top_k", robot: "propose.robot", ..NAMES };
         if request.robot.is_none() {
             request.robot.clone_from(&open.robot);
             names.robot = NAMES.robot;
         }
-        Ok(vec![ReplyMessage::Candidates(self.api.propose(request, names, deadline).await?)])
+        Ok(vec![ReplyMessage::Candidates(self.api.propose(request, &self.actor, names, deadline).await?)])
     }
 
     /// The reply, and after it the mesh if the caller wants meshes.

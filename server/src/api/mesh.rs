@@ -9,6 +9,7 @@ use super::{Api, Call};
 use crate::error::Error;
 use crate::mesh_format::{FileFormat, RawArrays, raw, write_file};
 use crate::session::{Snapshot, hex};
+use crate::wire::to_proto;
 
 /// The formats that a mesh can be had in.
 pub(super) const FORMATS: [v1::MeshFormat; 4] =
@@ -96,6 +97,7 @@ fn mesh(snapshot: &Snapshot, form: Form, have_topology: &str) -> Result<v1::Mesh
         content_type,
         not_modified: false,
         body: Some(body),
+        doubted: to_proto::doubted(snapshot),
     })
 }
 

@@ -99,10 +99,9 @@ async fn an_event_that_cannot_be_replayed_quarantines_its_session_alone() {
         request: RequestKey { id: String::new(), digest: Vec::new() },
         expected_revision: None,
         actor: String::new(),
-        event: ("visual_prior", vec![255; 9]),
         compute: Arc::new(|before: &Snapshot| {
             let after = Snapshot { revision: before.revision + 1, ..before.clone() };
-            Ok(computed(after, &v1::AddVisualPriorResponse::default()))
+            Ok(appended(("visual_prior", vec![255; 9]), after, &v1::AddVisualPriorResponse::default()))
         }),
     };
     api.sessions.change(damage, deadline).await.unwrap();
@@ -130,7 +129,6 @@ async fn a_panic_is_internal_for_its_call_and_changes_nothing() {
         request: RequestKey { id: "p".into(), digest: Vec::new() },
         expected_revision: None,
         actor: String::new(),
-        event: ("visual_prior", Vec::new()),
         compute: Arc::new(|before: &Snapshot| {
             assert_eq!(before.revision, 0, "on purpose");
             Err(Error::NoVisualPrior)

@@ -17,7 +17,7 @@ use crate::limits::Limits;
 use crate::session::Snapshot;
 use crate::sessions::FoldError;
 use crate::store::EventRow;
-use crate::wire::event;
+use crate::wire::{event, to_proto};
 
 /// Events read from the log at once.
 const PAGE: i64 = 16;
@@ -146,6 +146,11 @@ impl Watcher {
         let unreadable = |error: FoldError| Error::internal(error.to_string());
         let seq = row.seq;
         let (session, candidates) = event::reply_after(&row).map_err(unreadable)?;
+        let session = match session {
+            Some(session) => session,
+            None => to_proto::session(&*self.at_revision(seq).await?),
+        };
+        let session = Some(session);
         let event = event::decode(row, false).map_err(unreadable)?;
         if !self.send(Update::Event(event), session.clone(), candidates).await {
             return Ok(false);
@@ -162,9 +167,13 @@ impl Watcher {
         Ok(true)
     }
 
+    async fn at_revision(&self, seq: i64) -> Result<Arc<Snapshot>, Error> {
+        self.api.sessions.at_revision(&self.session_id, seq, self.deadline()).await
+    }
+
     /// Whether the event `seq` gave another surface than the one that was sent last.
     async fn surface_changed(&mut self, seq: i64) -> Result<bool, Error> {
-        let snapshot = self.api.sessions.at_revision(&self.session_id, seq, self.deadline()).await?;
+        let snapshot = self.at_revision(seq).await?;
         let changed = match &self.shown {
             Some(shown) => !snapshot.reconstruction.has_surface_of(&shown.reconstruction),
             None => snapshot.reconstruction.last_estimate().is_some(),

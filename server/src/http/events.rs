@@ -131,6 +131,7 @@ fn event_name(event: &v1::Event) -> &'static str {
         Some(Kind::ContactResult(_)) => "contact_result",
         Some(Kind::RetractedSeq(_)) => "retracted",
         Some(Kind::Finished(_)) => "finished",
+        Some(Kind::Lease(_)) => "lease",
         None => "unknown",
     }
 }

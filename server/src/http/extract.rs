@@ -2,9 +2,9 @@
 
 use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, FromRequest, FromRequestParts, Query, Request};
-use http::header::{CONTENT_TYPE, IF_MATCH};
+use http::header::{ACCEPT_ENCODING, CONTENT_ENCODING, CONTENT_TYPE, IF_MATCH};
 use http::request::Parts;
-use http::{HeaderMap, HeaderName, StatusCode};
+use http::{HeaderMap, HeaderName, HeaderValue, StatusCode};
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
@@ -74,6 +74,7 @@ async fn body(
     what: &'static str,
     hint: &'static str,
 ) -> Result<Bytes, Problem> {
+    require_decoded(request.headers())?;
     DefaultBodyLimit::max(limit).apply(&mut request);
     Bytes::from_request(request, &()).await.map_err(|rejection| {
         if rejection.status() == StatusCode::PAYLOAD_TOO_LARGE {
@@ -82,6 +83,19 @@ async fn body(
             Problem::unparsable(format!("the body could not be read: {}", rejection.body_text()))
         }
     })
+}
+
+/// Refuses a body that is still encoded: the layer around the routes has decoded what it knows, and said so by taking
+/// the header away.
+fn require_decoded(headers: &HeaderMap) -> Result<(), Problem> {
+    let identity = HeaderValue::from_static("identity");
+    let Some(encoding) = headers.get_all(CONTENT_ENCODING).iter().find(|&encoding| encoding != identity)
+    else {
+        return Ok(());
+    };
+    let detail = format!("the Content-Encoding of the body is {encoding:?}: send gzip, or leave it out");
+    let problem = Problem::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "UNSUPPORTED_MEDIA_TYPE", detail);
+    Err(problem.with_header(ACCEPT_ENCODING, HeaderValue::from_static("gzip")))
 }
 
 /// Puts the path's session id into the body's field, or checks that they agree.

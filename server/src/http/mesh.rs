@@ -100,7 +100,7 @@ pub(super) async fn get(
 }
 
 fn body(mesh: v1::Mesh, session_id: &str) -> Result<Response, Error> {
-    let v1::Mesh { revision, etag: _, content_type, not_modified, body } = mesh;
+    let v1::Mesh { revision, etag: _, content_type, not_modified, body, doubted: _ } = mesh;
     match body {
         Some(v1::mesh::Body::File(file)) => {
             let extension = content_type.rsplit('/').next().unwrap_or_default();

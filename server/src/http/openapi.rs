@@ -242,6 +242,16 @@ mod tests {
             "post /v1/sessions/{session_id}/priors",
         ];
         assert_eq!(operations, expected);
+        let body = &document["paths"]["/v1/sessions/{session_id}/priors"]["post"]["requestBody"]["content"];
+        for media_type in [
+            "application/json",
+            "application/ply",
+            "application/pcd",
+            "application/octet-stream",
+            "image/png",
+        ] {
+            assert!(body[media_type]["schema"].is_object(), "{media_type}");
+        }
         let refusal = &document["paths"]["/v1/sessions"]["post"]["responses"]["default"]["$ref"];
         assert_eq!(refusal, "#/components/responses/Problem");
     }

@@ -4,7 +4,7 @@ use std::any::Any;
 
 use axum::response::{IntoResponse, Response};
 use http::header::{CONTENT_TYPE, RETRY_AFTER};
-use http::{HeaderValue, StatusCode};
+use http::{HeaderName, HeaderValue, StatusCode};
 use serde::Serialize;
 
 use crate::error::{Error, FieldViolation};
@@ -15,6 +15,7 @@ pub(super) struct Problem {
     status: StatusCode,
     // Boxed, so that the results of handlers stay small.
     body: Box<Document>,
+    header: Option<Box<(HeaderName, HeaderValue)>>,
 }
 
 /// What went wrong, for people (`detail`) and for programs (`reason`, `fields`).
@@ -63,7 +64,12 @@ impl Problem {
             fields: Vec::new(),
             retry_after_ms: None,
         };
-        Self { status, body: Box::new(body) }
+        Self { status, body: Box::new(body), header: None }
+    }
+
+    /// The same with a header that says more to programs.
+    pub(super) fn with_header(self, name: HeaderName, value: HeaderValue) -> Self {
+        Self { header: Some(Box::new((name, value))), ..self }
     }
 
     /// A body that is not JSON at all.
@@ -105,6 +111,10 @@ impl IntoResponse for Problem {
         let mut response = (self.status, self.to_json() + "\n").into_response();
         let headers = response.headers_mut();
         headers.insert(CONTENT_TYPE, HeaderValue::from_static("application/problem+json"));
+        if let Some(header) = self.header {
+            let (name, value) = *header;
+            headers.insert(name, value);
+        }
         if let Some(milliseconds) = self.body.retry_after_ms {
             // The header counts whole seconds; the document is exact.
             headers.insert(RETRY_AFTER, HeaderValue::from(milliseconds.div_ceil(1000)));

@@ -25,7 +25,7 @@ const REQUIRED: [(&str, &[&str]); 16] = [
     ("Session", &["config", "stats", "create_time", "update_time"]),
     ("SessionStats", &["last_update"]),
     ("Candidate", &["point", "normal", "probe_start", "probe_end", "tool_pose"]),
-    ("AddVisualPriorResponse", &["session"]),
+    ("AddVisualPriorResponse", &["session", "set_aside"]),
     ("ProposeContactsResponse", &["excluded"]),
     ("ReportContactResponse", &["session"]),
     ("Event", &["append_time", "stats_after"]),
@@ -39,9 +39,6 @@ const REQUIRED: [(&str, &[&str]); 16] = [
     ("HalfSpace", &["normal"]),
     ("Ball", &["center", "radius_m"]),
 ];
-
-/// Fields that are in the contract and that this version refuses.
-const UNAVAILABLE: [&str; 2] = ["palpate.v1.ProposeContactsRequest.lease", "palpate.v1.VisualPrior.depth"];
 
 /// The schema of a message. With a choice it is one of as many objects as there are choices.
 fn message_schema(message: &MessageDescriptor) -> Value {
@@ -124,10 +121,7 @@ fn field_schema(field: &FieldDescriptor) -> Value {
     } else {
         kind_schema(&field.kind())
     };
-    let mut description = comment(field.parent_message().parent_file().file_descriptor_proto(), field.path());
-    if UNAVAILABLE.contains(&field.full_name()) {
-        description.push_str(" (Not in this version: refused with 501.)");
-    }
+    let description = comment(field.parent_message().parent_file().file_descriptor_proto(), field.path());
     schema["description"] = description.into();
     schema
 }

@@ -38,7 +38,7 @@ mod tests {
     fn packed_positions_are_the_vertices_in_order() {
         let surface = tetrahedron();
         let arrays = raw(&surface);
-        let points = read_points(PointEncoding::XyzF32Le, &arrays.positions_f32_le).unwrap();
+        let points = read_points(PointEncoding::XyzF32Le, &arrays.positions_f32_le).unwrap().points;
         for (point, vertex) in points.iter().zip(&surface.mesh.vertices) {
             assert!((point - vertex).norm() < 1e-8);
         }

@@ -15,8 +15,10 @@ use palpate_core::error::{Error, FieldError};
 use palpate_core::evidence::{Evidence, VisualPrior};
 use palpate_core::geometry::Point;
 use palpate_core::reconstruction::{Reconstruction, Update};
+use palpate_core::warning::{Warning, WarningKind};
 
 use super::Snapshot;
+use super::clutter::Clutter;
 use crate::limits::VISUAL_POINTS;
 use crate::voxel::{self, Grid};
 
@@ -28,11 +30,13 @@ pub(crate) struct AddedView {
     pub(crate) accepted: usize,
     /// The edge of the voxels in which all views of the session are thinned, where it was needed.
     pub(crate) edge_m: Option<f64>,
+    /// What of it was not taken for the object.
+    pub(crate) clutter: Clutter,
 }
 
 /// The evidence of a session with what it amounts to, while more is added.
 struct EvidenceLog {
-    evidence: Vec<Arc<Evidence>>,
+    evidence: Vec<(i64, Arc<Evidence>)>,
     reconstruction: Reconstruction,
 }
 
@@ -42,10 +46,18 @@ impl Snapshot {
     ///
     /// # Errors
     /// Thinned with the earlier views, nothing is left of the first one.
-    pub(crate) fn add_view(&self, view: &VisualPrior, at_us: i64) -> Result<(Self, AddedView), Error> {
+    pub(crate) fn add_view(
+        &self,
+        view: &VisualPrior,
+        keeps_clutter: bool,
+        at_us: i64,
+    ) -> Result<(Self, AddedView), Error> {
         let started = Instant::now();
+        let support = self.definition.config.support.as_ref();
+        let (view, clutter) = Clutter::taken_from(view, keeps_clutter, support);
+        let view = &view;
         let mut clouds: Vec<&[Point]> =
-            self.evidence.iter().filter_map(|evidence| points(evidence)).collect();
+            self.evidence.iter().filter_map(|(_, evidence)| points(evidence)).collect();
         let room = VISUAL_POINTS.saturating_sub(clouds.iter().map(|points| points.len()).sum());
         let new_points = match self.view_edge_m {
             None => view.points().to_vec(),
@@ -65,14 +77,16 @@ impl Snapshot {
         };
         let accepted = new_points.len();
         let (update, accepted) = match (thinned(view, new_points), edge_m) {
-            (Ok(view), _) => (log.absorb(Arc::new(Evidence::VisualPrior(view)))?, accepted),
+            (Ok(view), _) => {
+                (log.absorb(self.revision + 1, Arc::new(Evidence::VisualPrior(view)))?, accepted)
+            }
             // Too few for a view, but only because the others show the rest.
             (Err(_), Some(edge_m)) if log.reconstruction.surface().is_some() => (nothing_new(edge_m), 0),
             (Err(refusal), _) => return Err(refusal.into()),
         };
         let EvidenceLog { evidence, reconstruction } = log;
         let next = self.next(reconstruction, evidence, at_us, started);
-        Ok((Self { view_edge_m: edge_m, ..next }, AddedView { update, accepted, edge_m }))
+        Ok((Self { view_edge_m: edge_m, ..next }, AddedView { update, accepted, edge_m, clutter }))
     }
 
     fn log(&self) -> EvidenceLog {
@@ -83,11 +97,11 @@ impl Snapshot {
     fn log_with_views_in(&self, grid: &mut Grid) -> Result<EvidenceLog, Error> {
         let reconstruction = Reconstruction::new(self.definition.config.clone());
         let mut log = EvidenceLog { evidence: Vec::new(), reconstruction };
-        for evidence in &self.evidence {
+        for (seq, evidence) in &self.evidence {
             match &**evidence {
-                Evidence::Attempt(_) => drop(log.absorb(evidence.clone())?),
+                Evidence::Attempt(_) | Evidence::Moved(_) => drop(log.absorb(*seq, evidence.clone())?),
                 Evidence::VisualPrior(seen) => match thinned(seen, grid.add(seen.points())) {
-                    Ok(seen) => drop(log.absorb(Arc::new(Evidence::VisualPrior(seen)))?),
+                    Ok(seen) => drop(log.absorb(*seq, Arc::new(Evidence::VisualPrior(seen)))?),
                     Err(_) if log.reconstruction.surface().is_some() => {}
                     Err(_) => return Err(too_wide(grid.edge_m()).into()),
                 },
@@ -98,10 +112,10 @@ impl Snapshot {
 }
 
 impl EvidenceLog {
-    fn absorb(&mut self, evidence: Arc<Evidence>) -> Result<Update, Error> {
+    fn absorb(&mut self, seq: i64, evidence: Arc<Evidence>) -> Result<Update, Error> {
         let (reconstruction, update) = self.reconstruction.absorb(&evidence)?;
         self.reconstruction = reconstruction;
-        self.evidence.push(evidence);
+        self.evidence.push((seq, evidence));
         Ok(update)
     }
 }
@@ -109,7 +123,7 @@ impl EvidenceLog {
 fn points(evidence: &Evidence) -> Option<&[Point]> {
     match evidence {
         Evidence::VisualPrior(view) => Some(view.points()),
-        Evidence::Attempt(_) => None,
+        Evidence::Attempt(_) | Evidence::Moved(_) => None,
     }
 }
 
@@ -128,8 +142,9 @@ fn thinned(view: &VisualPrior, points: Vec<Point>) -> Result<VisualPrior, FieldE
 }
 
 fn nothing_new(edge_m: f64) -> Update {
-    let warning =
+    let message =
         format!("the view shows nothing new: earlier views have points in all its voxels of {edge_m} m");
+    let warning = Warning::new(WarningKind::NothingNew, message).with("voxel_m", edge_m);
     Update { warnings: vec![warning], ..Update::default() }
 }
 
@@ -158,6 +173,7 @@ mod tests {
             config: Config::default(),
             sensors: Vec::new(),
             keep_out: Vec::new(),
+            plausible_size: crate::session::PlausibleSize::default(),
             created_us: 1,
         };
         Snapshot::created(Arc::new(definition))
@@ -175,7 +191,7 @@ mod tests {
 
     #[test]
     fn a_view_that_fits_enters_as_it_came() {
-        let (next, added) = session().add_view(&half_ball(500, 1.0), 2).unwrap();
+        let (next, added) = session().add_view(&half_ball(500, 1.0), false, 2).unwrap();
         assert_eq!((added.accepted, added.edge_m, next.stats.visual_points), (500, None, 500));
         assert_eq!((next.revision, next.updated_us), (2, 2));
     }
@@ -183,7 +199,7 @@ mod tests {
     #[test]
     fn a_view_of_any_size_is_thinned_to_the_limit_and_not_far_below() {
         for count in [2001, 12_465, 100_000] {
-            let (next, added) = session().add_view(&half_ball(count, 1.0), 2).unwrap();
+            let (next, added) = session().add_view(&half_ball(count, 1.0), false, 2).unwrap();
             assert!((1000..=VISUAL_POINTS).contains(&added.accepted), "{count}: {}", added.accepted);
             assert_eq!(next.stats.visual_points as usize, added.accepted);
             assert!(added.edge_m.is_some());
@@ -192,8 +208,8 @@ mod tests {
 
     #[test]
     fn views_are_thinned_against_each_other_so_that_the_last_has_its_share() {
-        let (one, first) = session().add_view(&half_ball(12_000, 1.0), 2).unwrap();
-        let (two, second) = one.add_view(&half_ball(12_000, -1.0), 3).unwrap();
+        let (one, first) = session().add_view(&half_ball(12_000, 1.0), false, 2).unwrap();
+        let (two, second) = one.add_view(&half_ball(12_000, -1.0), false, 3).unwrap();
         assert!(second.edge_m > first.edge_m, "twice the surface needs longer voxels");
         assert!((200..=VISUAL_POINTS).contains(&second.accepted), "{}", second.accepted);
         assert!(two.stats.visual_points as usize <= VISUAL_POINTS);
@@ -202,10 +218,10 @@ mod tests {
 
         let mut next = two.clone();
         for revision in 4..14 {
-            let (after, added) = next.add_view(&half_ball(12_000, 1.0), revision).unwrap();
+            let (after, added) = next.add_view(&half_ball(12_000, 1.0), false, revision).unwrap();
             assert_eq!(after.revision, revision);
             assert_eq!((added.accepted, added.update.warnings.len()), (0, 1));
-            assert!(added.update.warnings[0].contains("nothing new"));
+            assert!(added.update.warnings[0].message.contains("nothing new"));
             assert_eq!(after.digest, two.digest);
             next = after;
         }
@@ -214,27 +230,27 @@ mod tests {
     #[test]
     fn contacts_stay_in_the_estimate_when_views_are_thinned_anew() {
         use palpate_core::evidence::{Attempt, Outcome, Sweep};
-        let (one, _) = session().add_view(&half_ball(1500, 1.0), 2).unwrap();
+        let (one, _) = session().add_view(&half_ball(1500, 1.0), false, 2).unwrap();
         let sweep = Sweep::new(Point::new(0.2, 0.2, 0.3), Point::new(0.3, 0.2, 0.3), 0.0).unwrap();
-        let miss = Attempt { target: None, outcome: Outcome::NoContact(sweep) };
-        let (missed, _) = one.absorb(miss, 3).unwrap();
-        let (two, _) = missed.add_view(&half_ball(1500, -1.0), 4).unwrap();
+        let miss = Evidence::Attempt(Attempt { target: None, outcome: Outcome::NoContact(sweep) });
+        let (missed, _) = one.absorb(miss, "", 3).unwrap();
+        let (two, _) = missed.add_view(&half_ball(1500, -1.0), false, 4).unwrap();
         assert_eq!((two.stats.no_contacts, two.revision), (1, 4));
         assert!(two.stats.visual_points as usize <= VISUAL_POINTS);
         // The same events give the same bits.
-        let again = missed.add_view(&half_ball(1500, -1.0), 4).unwrap().0;
+        let again = missed.add_view(&half_ball(1500, -1.0), false, 4).unwrap().0;
         assert_eq!(again.digest, two.digest);
     }
 
     #[test]
     fn a_scene_that_leaves_nothing_of_the_object_is_refused_with_what_to_do() {
-        let (one, _) = session().add_view(&half_ball(100, 1.0), 2).unwrap();
+        let (one, _) = session().add_view(&half_ball(100, 1.0), false, 2).unwrap();
         let wide = (0..200_000).map(|i| {
             let (row, column) = (f64::from(i / 500), f64::from(i % 500));
             Point::new(5.0 * row, 5.0 * column, 0.1 * (row % 7.0))
         });
         let wide = VisualPrior::new(wide.collect(), None, None).unwrap();
-        let refusal = one.add_view(&wide, 3).map(|_| "accepted").unwrap_err();
+        let refusal = one.add_view(&wide, false, 3).map(|_| "accepted").unwrap_err();
         assert!(refusal.to_string().contains("object's part of the view"), "{refusal}");
     }
 }

@@ -59,6 +59,14 @@ pub(crate) struct Computed<S> {
     pub(crate) append_us: i64,
 }
 
+/// What a change comes to.
+pub(crate) enum Decision<S> {
+    /// An event to append, with what it computed.
+    Append(StoredEvent, Computed<S>),
+    /// A reply to a request that changes nothing after all; it is not kept for retries.
+    Answer(Vec<u8>),
+}
+
 /// A session that is about to be created.
 pub(crate) struct Created<S> {
     pub(crate) event: StoredEvent,

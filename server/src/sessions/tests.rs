@@ -77,6 +77,8 @@ impl Toy {
 
 /// The body of a request that the method refuses.
 const REFUSED: u8 = 3;
+/// The body of a request that is answered and changes nothing.
+const ANSWERED: u8 = 4;
 /// The request id that is none.
 const NO_ID: u8 = 0;
 
@@ -121,10 +123,10 @@ enum Op {
 }
 
 fn op() -> impl Strategy<Value = Op> {
-    let key = || (0..3_u8, 0..5_u8, 0..=REFUSED);
+    let key = || (0..3_u8, 0..5_u8, 0..=ANSWERED);
     let guard = || prop_oneof![3 => Just(Guard::None), 1 => Just(Guard::Right), 1 => Just(Guard::Stale)];
     prop_oneof![
-        20 => (0..3_u8, prop_oneof![Just(NO_ID), 0..5_u8], 0..=REFUSED)
+        20 => (0..3_u8, prop_oneof![Just(NO_ID), 0..5_u8], 0..=ANSWERED)
             .prop_map(|(session, request, body)| Op::Create { session, request, body }),
         60 => (key(), guard())
             .prop_map(|((session, request, body), guard)| Op::Append { session, request, body, guard }),
@@ -188,6 +190,7 @@ impl Model {
             (_, Some(outcome), _) => outcome,
             (_, None, Guard::Stale) => Err("REVISION_MISMATCH"),
             _ if body == REFUSED => Err("NO_VISUAL_PRIOR"),
+            (Some(bytes), ..) if body == ANSWERED => Ok((bytes.clone(), false)),
             _ => self.accept(session, request, ('a', session, body)),
         }
     }
@@ -273,18 +276,11 @@ impl World {
     fn append(&self, session: u8, request: u8, body: u8, expected_revision: Option<i64>) -> Change<Toy> {
         let compute = Arc::new(move |before: &Toy| match body {
             REFUSED => Err(Error::NoVisualPrior),
-            _ => Ok(before.clone().with(body).computed()),
+            ANSWERED => Ok(Decision::Answer(before.bytes.clone())),
+            _ => Ok(Decision::Append(("toy", vec![body]), before.clone().with(body).computed())),
         });
         let request = self.key(('a', session, body), request);
-        let event = ("toy", vec![body]);
-        Change {
-            session_id: self.id(session),
-            request,
-            expected_revision,
-            actor: String::new(),
-            event,
-            compute,
-        }
+        Change { session_id: self.id(session), request, expected_revision, actor: String::new(), compute }
     }
 
     fn delete(&self, session: u8, request: u8, body: u8, guard: Guard) -> Result<(), &'static str> {

@@ -23,11 +23,12 @@ pub(crate) fn encode(kind: Kind) -> (&'static str, Vec<u8>) {
         Kind::ContactResult(_) => "contact_result",
         Kind::RetractedSeq(_) => "retracted",
         Kind::Finished(_) => "finished",
+        Kind::Lease(_) => "lease",
     };
     (name, v1::Event { kind: Some(kind), ..v1::Event::default() }.encode_to_vec())
 }
 
-/// The contract's event; the bytes of a cloud are left out unless `include_points`.
+/// The contract's event; the bytes of a cloud or an image are left out unless `include_points`.
 ///
 /// # Errors
 /// The stored bytes are no event.
@@ -48,6 +49,9 @@ pub(crate) fn decode(row: EventRow, include_points: bool) -> Result<v1::Event, F
     let mut kind = kind(seq, &payload)?;
     if let (Kind::VisualPrior(prior), false) = (&mut kind, include_points) {
         prior.points = Bytes::new();
+        if let Some(depth) = &mut prior.depth {
+            depth.mask_u8 = Bytes::new();
+        }
     }
     Ok(v1::Event {
         seq,
@@ -80,14 +84,20 @@ pub(crate) fn fold(before: Option<&Snapshot>, row: &EventRow) -> Result<Snapshot
         (Some(before), Kind::VisualPrior(prior)) => {
             let view =
                 from_proto::visual_prior("prior", &prior).map_err(|error| failed(error.to_string()))?;
-            before.add_view(&view.evidence, row.append_us).map(|(after, _added)| after)
+            before.add_view(&view.evidence, prior.keep_clutter, row.append_us).map(|(after, _added)| after)
         }
         (Some(before), Kind::ContactResult(result)) => {
-            let attempt = from_proto::attempt(&result, &before.definition, before.revision, limits);
-            let attempt = attempt.map_err(|error| failed(error.to_string()))?;
-            before.absorb(attempt, row.append_us).map(|(after, _update)| after)
+            let reported = from_proto::reported(&result, &before.definition, before.revision, limits);
+            let reported = reported.map_err(|error| failed(error.to_string()))?;
+            before
+                .absorb(reported.evidence, &result.candidate_id, row.append_us)
+                .map(|(after, _update)| after)
         }
-        (_, Kind::Created(_) | Kind::VisualPrior(_) | Kind::ContactResult(_)) => {
+        (Some(before), Kind::Lease(lease)) => {
+            let leases = from_proto::leases(&lease).map_err(|error| failed(error.to_string()))?;
+            Ok(before.lease(leases, row.append_us))
+        }
+        (_, Kind::Created(_) | Kind::VisualPrior(_) | Kind::ContactResult(_) | Kind::Lease(_)) => {
             return Err(failed("a session has one creation, and begins with it".into()));
         }
         (_, Kind::RetractedSeq(_) | Kind::Finished(_)) => {
@@ -111,7 +121,8 @@ pub(crate) fn kind(seq: i64, payload: &[u8]) -> Result<Kind, FoldError> {
     event.kind.ok_or_else(|| FoldError { seq, reason: "says nothing".into() })
 }
 
-/// The session, and the candidates if some were requested, that the reply to a stored event carried.
+/// The session, where it was told, and the candidates, if some were requested, that the reply to a stored
+/// event carried.
 ///
 /// # Errors
 /// The stored reply cannot be read.
@@ -125,6 +136,8 @@ pub(crate) fn reply_after(row: &EventRow) -> Result<(Option<v1::Session>, Vec<v1
         Kind::ContactResult(_) => {
             v1::ReportContactResponse::decode(bytes).map(|reply| (reply.session, reply.candidates))
         }
+        // Asking is no news of the session, so the reply has none.
+        Kind::Lease(_) => v1::ProposeContactsResponse::decode(bytes).map(|reply| (None, reply.candidates)),
         Kind::Created(_) | Kind::RetractedSeq(_) | Kind::Finished(_) => {
             v1::Session::decode(bytes).map(|session| (Some(session), Vec::new()))
         }

@@ -3,19 +3,24 @@
 mod config;
 mod contact;
 mod definition;
+mod depth;
 mod geometry;
+mod lease;
 mod prior;
 mod robot;
+mod size;
 
 use palpate_core::error::FieldError;
 use palpate_proto::Timestamp;
 
 use crate::error::{Error, FieldViolation};
 
-pub(crate) use contact::attempt;
+pub(crate) use contact::{Reported, reported};
 pub(crate) use definition::{check_labels, check_session_id, definition};
+pub(crate) use lease::{lease_duration, leases};
 pub(crate) use prior::{Prior, is_readable, visual_prior};
 pub(crate) use robot::exploration_request;
+pub(crate) use size::check_size;
 
 /// The method's complaint about a field, with the path at which the caller wrote it.
 fn at(path: &str, error: FieldError) -> Error {

@@ -1,15 +1,15 @@
 //! From values to messages.
 
-use nalgebra::{Rotation3, Translation3, UnitQuaternion};
 use palpate_core::config::{Axes, DeclaredSymmetry, Method, Settings, StopRule, Strategy};
-use palpate_core::evidence::Target;
-use palpate_core::exploration::{self, KeepOut, Region};
-use palpate_core::geometry::{Direction, Point, Pose, Vector};
+use palpate_core::evidence::{Target, TouchedPoint};
+use palpate_core::exploration::{self, Approach, KeepOut, Region};
+use palpate_core::geometry::{Plane, Point, Pose, Vector};
 use palpate_core::reconstruction::{ALGORITHM_VERSION, Stats, StopReason};
-use palpate_proto::{Duration, Timestamp, v1};
+use palpate_core::warning::{Warning, WarningKind};
+use palpate_proto::{Bytes, Duration, Timestamp, v1};
 
 use super::candidate_id::{self, CandidateId};
-use crate::session::{Definition, Sensor, SessionState, Snapshot};
+use crate::session::{Definition, PlausibleSize, Sensor, SessionState, Snapshot};
 
 pub(crate) fn vector(vector: &Vector) -> v1::Vector3 {
     v1::Vector3 { x: vector.x, y: vector.y, z: vector.z }
@@ -33,6 +33,82 @@ pub(crate) fn timestamp(us: i64) -> Timestamp {
     Timestamp { seconds: us.div_euclid(1_000_000), nanos }
 }
 
+/// A plane as a half space, the allowed side being that of its normal.
+pub(crate) fn half_space(plane: &Plane) -> v1::HalfSpace {
+    v1::HalfSpace { normal: Some(vector(plane.normal())), offset_m: plane.offset_m() }
+}
+
+/// Points as packed little-endian 32-bit floats.
+pub(crate) fn points_f32(points: &[Point]) -> Bytes {
+    points
+        .iter()
+        .flat_map(|point| point.iter().flat_map(|x| (*x as f32).to_le_bytes()).collect::<Vec<_>>())
+        .collect()
+}
+
+/// How touched points were found; unspecified where there are none.
+pub(crate) fn touched_point(touched: TouchedPoint, is_none: bool) -> v1::TouchedPoint {
+    match touched {
+        _ if is_none => v1::TouchedPoint::Unspecified,
+        TouchedPoint::Open => v1::TouchedPoint::Unspecified,
+        TouchedPoint::PadCentre => v1::TouchedPoint::PadCenter,
+        TouchedPoint::CentreOfPressure => v1::TouchedPoint::CenterOfPressure,
+    }
+}
+
+/// The touches that contradict what else is known at a revision.
+pub(crate) fn doubted(snapshot: &Snapshot) -> Vec<v1::DoubtedContact> {
+    let doubted = snapshot.findings.doubted.iter().map(|found| v1::DoubtedContact {
+        seq: snapshot.seq_of(found.at),
+        point: Some(point(&found.point)),
+        doubt: found.doubt,
+    });
+    doubted.collect()
+}
+
+/// Warnings with their kinds and numbers.
+pub(crate) fn warnings(warnings: &[Warning]) -> Vec<v1::Warning> {
+    let message = |Warning { kind, message, parameters }: &Warning| v1::Warning {
+        code: warning_code(*kind).into(),
+        message: message.clone(),
+        parameters: parameters.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect(),
+    };
+    warnings.iter().map(message).collect()
+}
+
+/// The sentences of warnings.
+pub(crate) fn warning_texts(warnings: &[Warning]) -> Vec<String> {
+    warnings.iter().map(|warning| warning.message.clone()).collect()
+}
+
+fn warning_code(kind: WarningKind) -> v1::WarningCode {
+    match kind {
+        WarningKind::NoViewpoint => v1::WarningCode::NoViewpoint,
+        WarningKind::EarlyContact => v1::WarningCode::EarlyContact,
+        WarningKind::NormalIgnored => v1::WarningCode::NormalIgnored,
+        WarningKind::ZeroWrench => v1::WarningCode::ZeroWrench,
+        WarningKind::PullingForce => v1::WarningCode::PullingForce,
+        WarningKind::WrenchFrame => v1::WarningCode::WrenchFrame,
+        WarningKind::TorqueTooLarge => v1::WarningCode::TorqueTooLarge,
+        WarningKind::TouchedByHousing => v1::WarningCode::TouchedByHousing,
+        WarningKind::TareDrift => v1::WarningCode::TareDrift,
+        WarningKind::QuaternionOrder => v1::WarningCode::QuaternionOrder,
+        WarningKind::CandidateOfAnotherSession => v1::WarningCode::CandidateOfAnotherSession,
+        WarningKind::DoubtedContact => v1::WarningCode::DoubtedContact,
+        WarningKind::ObjectMoved => v1::WarningCode::ObjectMoved,
+        WarningKind::CameraOffset => v1::WarningCode::CameraOffset,
+        WarningKind::NonFinitePoints => v1::WarningCode::NonFinitePoints,
+        WarningKind::SupportPoints => v1::WarningCode::SupportPoints,
+        WarningKind::IsolatedPoints => v1::WarningCode::IsolatedPoints,
+        WarningKind::RepeatedPoints => v1::WarningCode::RepeatedPoints,
+        WarningKind::ImplausibleSize => v1::WarningCode::ImplausibleSize,
+        WarningKind::NothingNew => v1::WarningCode::NothingNew,
+        WarningKind::NoTable => v1::WarningCode::NoTable,
+        WarningKind::FarContact => v1::WarningCode::FarContact,
+        WarningKind::WeakContact => v1::WarningCode::WeakContact,
+    }
+}
+
 /// The session as callers see it.
 pub(crate) fn session(snapshot: &Snapshot) -> v1::Session {
     let Definition {
@@ -44,6 +120,7 @@ pub(crate) fn session(snapshot: &Snapshot) -> v1::Session {
         config: _,
         sensors: _,
         keep_out: _,
+        plausible_size: _,
         created_us,
     } = &*snapshot.definition;
     v1::Session {
@@ -56,7 +133,7 @@ pub(crate) fn session(snapshot: &Snapshot) -> v1::Session {
         state: state(snapshot.state).into(),
         revision: snapshot.revision,
         etag: snapshot.etag(),
-        stats: Some(stats(&snapshot.stats, snapshot.last_update)),
+        stats: Some(stats(snapshot)),
         create_time: Some(timestamp(*created_us)),
         update_time: Some(timestamp(snapshot.updated_us)),
         forked_from: String::new(),
@@ -68,7 +145,8 @@ pub(crate) fn session(snapshot: &Snapshot) -> v1::Session {
 
 /// The configuration with every default written out, so that it means the same in a later version.
 pub(crate) fn session_config(definition: &Definition) -> v1::SessionConfig {
-    let Definition { config, sensors, keep_out, .. } = definition;
+    let Definition { config, sensors, keep_out, plausible_size, .. } = definition;
+    let PlausibleSize { min_m, max_m, refuse_above_m } = *plausible_size;
     let Settings {
         method: used_method,
         strategy: used_strategy,
@@ -88,6 +166,8 @@ pub(crate) fn session_config(definition: &Definition) -> v1::SessionConfig {
         stop: StopRule { max_attempts, mean_uncertainty_below, max_consecutive_failures },
         symmetry: declared_symmetry,
         template_axes,
+        support,
+        follows_motion,
         // A session always has them all.
         stages: _,
     } = **config;
@@ -117,6 +197,13 @@ pub(crate) fn session_config(definition: &Definition) -> v1::SessionConfig {
         symmetry: symmetry(declared_symmetry).into(),
         keep_out: keep_out.iter().map(region).collect(),
         template_axes: axes(template_axes).into(),
+        support: support.as_ref().map(half_space),
+        on_motion: if follows_motion { v1::OnMotion::Follow } else { v1::OnMotion::Warn }.into(),
+        plausible_size: Some(v1::PlausibleSize {
+            min_m: Some(min_m),
+            max_m: Some(max_m),
+            refuse_above_m: Some(refuse_above_m),
+        }),
     }
 }
 
@@ -167,11 +254,14 @@ fn strategy(strategy: Strategy) -> v1::Strategy {
 }
 
 fn sensor(sensor: &Sensor) -> v1::Sensor {
-    let Sensor { id, tool_from_sensor, pad_half_side_m, contact_force_n } = sensor;
+    let Sensor { id, tool_from_sensor, contact_force_n, pad } = sensor;
     v1::Sensor {
+        force_noise_n: Some(pad.force_noise_n()),
+        torque_noise_nm: Some(pad.torque_noise_nm()),
+        touched_point: touched_point(pad.touched(), false).into(),
         id: id.clone(),
         tool_from_sensor: Some(pose(tool_from_sensor)),
-        pad_half_side_m: *pad_half_side_m,
+        pad_half_side_m: pad.half_side_m(),
         contact_force_n: *contact_force_n,
     }
 }
@@ -192,10 +282,12 @@ pub(crate) fn stop_reason(reason: Option<StopReason>) -> v1::StopReason {
         Some(StopReason::NoAdmissibleCandidate) => v1::StopReason::NoAdmissibleCandidate,
         Some(StopReason::Stalled) => v1::StopReason::Stalled,
         Some(StopReason::Diverged) => v1::StopReason::Diverged,
+        Some(StopReason::Moved) => v1::StopReason::Moved,
     }
 }
 
-pub(crate) fn stats(stats: &Stats, last_update: std::time::Duration) -> v1::SessionStats {
+pub(crate) fn stats(snapshot: &Snapshot) -> v1::SessionStats {
+    let Snapshot { stats, findings, last_update, .. } = snapshot;
     let &Stats {
         visual_points,
         contacts,
@@ -220,12 +312,28 @@ pub(crate) fn stats(stats: &Stats, last_update: std::time::Duration) -> v1::Sess
         max_uncertainty,
         fit_rms_m,
         template: template.to_owned(),
-        last_update: Duration::try_from(last_update).ok(),
+        last_update: Duration::try_from(*last_update).ok(),
         early_contacts,
         invalid_contacts,
         failures,
         attempts,
         consecutive_failures,
+        doubted_seqs: findings.doubted.iter().map(|found| snapshot.seq_of(found.at)).collect(),
+        camera_offsets: findings
+            .offsets
+            .iter()
+            .map(|found| v1::CameraOffset {
+                seq: snapshot.seq_of(found.at),
+                translation_m: Some(vector(&found.translation_m)),
+                std_m: found.std_m,
+            })
+            .collect(),
+        motion: findings.motion.map(|found| v1::ObjectMotion {
+            since_seq: snapshot.seq_of(found.since),
+            translation_m: Some(vector(&found.translation_m)),
+            std_m: found.std_m,
+            followed: found.is_followed,
+        }),
     }
 }
 
@@ -241,6 +349,7 @@ fn candidate(snapshot: &Snapshot, candidate: &exploration::Candidate) -> v1::Can
         normal,
         probe_start,
         probe_end,
+        approach: Approach { pad, base_from_tool },
         score,
         terms,
         uncertainty,
@@ -252,9 +361,14 @@ fn candidate(snapshot: &Snapshot, candidate: &exploration::Candidate) -> v1::Can
     } = candidate;
     // The core's points are finite and its normals of length one, so there is always a target.
     let id = Target::new(*place, normal.into_inner()).map(|target| {
-        candidate_id::encode(&CandidateId { revision: snapshot.revision, vertex: *vertex, target })
+        candidate_id::encode(&CandidateId {
+            revision: snapshot.revision,
+            vertex: *vertex,
+            target,
+            session: Some(snapshot.definition.tag()),
+        })
     });
-    let sensor = snapshot.definition.sensor("");
+    let sensor = snapshot.definition.sensors.get(*pad);
     v1::Candidate {
         candidate_id: id.unwrap_or_default(),
         vertex: *vertex,
@@ -268,26 +382,12 @@ fn candidate(snapshot: &Snapshot, candidate: &exploration::Candidate) -> v1::Can
         std_m: std_m.unwrap_or(0.0),
         mean_geodesic_m: *mean_geodesic_m,
         failure_risk: failure_risk.unwrap_or(0.0),
-        tool_pose: sensor
-            .as_ref()
-            .map(|sensor| pose(&tool_pose(probe_start, normal, &sensor.tool_from_sensor))),
-        sensor_id: sensor.map_or_else(String::new, |sensor| sensor.id),
+        tool_pose: Some(pose(base_from_tool)),
+        sensor_id: sensor.map_or_else(String::new, |sensor| sensor.id.clone()),
         relaxed: *relaxed,
         why: why.clone(),
         lease_expire_time: None,
     }
-}
-
-/// `base_from_tool` with the pad's centre at `start` and its outward normal against `normal`.
-///
-/// The turn about the normal is free; it is the smallest one from the frame's z axis.
-fn tool_pose(start: &Point, normal: &Direction, tool_from_sensor: &Pose) -> Pose {
-    let pad = -normal.into_inner();
-    let half_turn = || Rotation3::from_axis_angle(&Vector::x_axis(), std::f64::consts::PI);
-    let rotation = Rotation3::rotation_between(&Vector::z(), &pad).unwrap_or_else(half_turn);
-    let base_from_sensor =
-        Pose::from_parts(Translation3::from(start.coords), UnitQuaternion::from_rotation_matrix(&rotation));
-    base_from_sensor * tool_from_sensor.inverse()
 }
 
 fn score_term(term: &exploration::ScoreTerm) -> v1::ScoreTerm {
@@ -296,33 +396,20 @@ fn score_term(term: &exploration::ScoreTerm) -> v1::ScoreTerm {
 }
 
 pub(crate) fn excluded(excluded: &exploration::Excluded) -> v1::Excluded {
-    let &exploration::Excluded { already_certain, no_confident_neighbour, keep_out, recently_failed } =
-        excluded;
-    v1::Excluded {
+    let &exploration::Excluded {
         already_certain,
         no_confident_neighbour,
         keep_out,
-        leased: 0,
         recently_failed,
-        unreachable: 0,
-    }
+        unreachable,
+        leased,
+    } = excluded;
+    v1::Excluded { already_certain, no_confident_neighbour, keep_out, leased, recently_failed, unreachable }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_tool_puts_the_pad_before_the_candidate_and_facing_it() {
-        let tool_from_sensor = Pose::new(Vector::new(0.02, -0.01, 0.15), Vector::new(0.3, -0.2, 0.5));
-        let start = Point::new(0.4, 0.1, 0.2);
-        for normal in [Vector::z(), -Vector::z(), Vector::new(0.6, -0.64, 0.48)] {
-            let normal = Direction::new_normalize(normal);
-            let base_from_sensor = tool_pose(&start, &normal, &tool_from_sensor) * tool_from_sensor;
-            assert!((base_from_sensor.translation.vector - start.coords).norm() < 1e-12);
-            assert!((base_from_sensor.rotation * Vector::z() + normal.into_inner()).norm() < 1e-12);
-        }
-    }
 
     #[test]
     fn times_before_1970_have_positive_parts_of_a_second() {

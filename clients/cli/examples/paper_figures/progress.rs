@@ -84,7 +84,7 @@ impl Panel {
         let surface = state.surface().ok_or("nothing was seen")?;
         // The paper's method works in the session's frame, in which everything is drawn.
         let of_sense = |sense: Sense| {
-            let attractors = state.ledger().attractors.iter();
+            let attractors = state.attractors().into_iter();
             attractors.filter(|attractor| attractor.sense == sense).map(|attractor| attractor.point).collect()
         };
         Ok(Self {

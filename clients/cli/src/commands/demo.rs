@@ -15,7 +15,9 @@ The robot sees 12 % of the surface from one side, then touches where the server 
 Each line is one attempt: \"hit\", \"early\" (touched before it got there) or \"miss\" (nothing there), \
 and how far the estimated surface is from the true one, in millimetres.";
 
+/// The demo touches as robots do, the paper's point is for comparisons.
 #[derive(Debug, clap::Args)]
+#[command(mut_arg("pad", |pad| pad.default_value("flat")))]
 pub(crate) struct Args {
     #[command(flatten)]
     object: ObjectArgs,
@@ -38,6 +40,7 @@ pub(crate) struct Args {
 /// Runs the demo; Ctrl-C ends it at any time.
 pub(crate) async fn run(args: Args) -> Result<(), Failure> {
     args.session.check()?;
+    args.sensors.faults.check()?;
     writable::check("--out", &args.out)?;
     // The folder is removed with the last use of it, on Ctrl-C too.
     let folder = tempfile::tempdir()?;
@@ -116,7 +119,25 @@ fn next_steps(mesh: &Path) -> String {
 
 #[cfg(test)]
 mod tests {
+    use palpate_simulator::probe::Pad;
+
     use super::*;
+
+    #[test]
+    fn the_demo_touches_with_a_flat_pad_unless_told_otherwise() {
+        #[derive(clap::Parser)]
+        struct Program {
+            #[command(flatten)]
+            args: Args,
+        }
+        let touches_with = |args: &[&str]| {
+            let Args { session, sensors, .. } =
+                <Program as clap::Parser>::parse_from([&["palpate"], args].concat()).args;
+            plan("can", "demo", &session, &sensors).probe.pad
+        };
+        assert_eq!(touches_with(&[]), Pad::Flat);
+        assert_eq!(touches_with(&["--pad", "point"]), Pad::Point);
+    }
 
     #[test]
     fn the_demo_ends_with_three_things_to_try_and_no_address_of_its_own() {

@@ -110,6 +110,7 @@ pub(crate) struct Args {
 
 /// Evaluates and reports what was done, even if Ctrl-C or a failure has ended it early.
 pub(crate) async fn run(args: Args) -> Result<(), Failure> {
+    args.sensors.faults.check()?;
     let series = cases::series(&args);
     if series.is_empty() {
         return Err(wrong_usage(
@@ -136,6 +137,7 @@ pub(crate) async fn run(args: Args) -> Result<(), Failure> {
         series: &series,
         seeds: args.seeds,
         planned: order.len(),
+        has_faults: args.sensors.faults.faults().any(),
         runs: journal.close(&order)?,
     };
     if !report.runs.is_empty() {
@@ -224,6 +226,20 @@ mod tests {
         {
             assert!(read(&whole, name) == read(&resumed, name), "{name}");
         }
+    }
+
+    #[tokio::test]
+    async fn an_object_that_is_pushed_aside_is_compared_where_it_stands() {
+        let folder = tempfile::tempdir().unwrap();
+        let faults = ["--pad", "flat", "--move-after", "4", "--move-mm", "300", "--seeds", "1"];
+        run(small(folder.path().to_str().unwrap(), &faults)).await.unwrap();
+        let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
+        let attempts = read("attempts.csv");
+        let errors_mm: Vec<f64> =
+            attempts.lines().skip(1).map(|line| line.split(',').nth(6).unwrap().parse().unwrap()).collect();
+        assert!(errors_mm[4] < 50.0 && errors_mm[5] > 200.0, "it is elsewhere: {errors_mm:?}");
+        assert!(read("runs.csv").lines().next().unwrap().ends_with(",stopped_early,warnings"));
+        assert!(read("table.md").contains("| runs with a warning, % | palpate, proactive | "));
     }
 
     #[tokio::test]

@@ -51,6 +51,7 @@ fn server(text: &str) -> Result<String, String> {
 /// Explores once; the session stays on the server.
 pub(crate) async fn run(args: Args) -> Result<(), Failure> {
     args.session.check()?;
+    args.sensors.faults.check()?;
     if let Some(path) = &args.out {
         writable::check("--out", path)?;
     }

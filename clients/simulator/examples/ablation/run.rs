@@ -4,7 +4,7 @@ use palpate_core::config::{Settings, Stages};
 use palpate_simulator::camera::Camera;
 use palpate_simulator::in_process::Exploration;
 use palpate_simulator::objects::{Object, Problem};
-use palpate_simulator::probe;
+use palpate_simulator::probe::{Outcome, ProbeSettings};
 
 /// What is explored, and how.
 #[derive(Clone, Copy, Debug)]
@@ -38,16 +38,15 @@ impl Plan<'_> {
     pub(crate) fn run(&self) -> Result<Run, Problem> {
         let Object { name, body, reference } = self.object;
         let exploration = Exploration {
-            body,
-            seed: self.seed,
             settings: Settings { stages: self.stages, ..Settings::default() },
             attempts: self.attempts,
             camera: self.camera,
-            tactile_noise_m: self.tactile_noise_m,
+            probe: ProbeSettings { tactile_noise_m: self.tactile_noise_m, ..ProbeSettings::default() },
+            ..Exploration::new(body, self.seed)
         };
         let mut failures = 0;
         let state =
-            exploration.run(|step| failures += u32::from(!matches!(step.outcome, probe::Outcome::Hit(_))))?;
+            exploration.run(|step| failures += u32::from(!matches!(step.outcome, Outcome::Hit(_))))?;
         let surface = state.surface().ok_or("nothing was seen")?;
         let surface_distance_mm = 1e3 * reference.surface_distance_m(&surface.mesh)?;
         Ok(Run { object: name.clone(), seed: self.seed, surface_distance_mm, failures })

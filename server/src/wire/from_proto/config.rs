@@ -1,9 +1,13 @@
 //! The configuration of a session; what is not set takes the method's default.
 
 use palpate_core::config::{Axes, Config, DeclaredSymmetry, Method, Settings, StopRule, Strategy};
+use palpate_core::evidence::{Pad, TouchedPoint};
+use palpate_core::exploration::Region;
+use palpate_core::geometry::Plane;
 use palpate_proto::v1;
 
 use super::geometry::pose;
+use super::robot::half_space;
 use super::{at, check_text, non_finite};
 use crate::error::Error;
 use crate::limits::Limits;
@@ -34,6 +38,9 @@ pub(super) fn config(config: &v1::SessionConfig, limits: &Limits) -> Result<(Con
         template_axes,
         // The session's definition keeps them: the method does not know them.
         keep_out: _,
+        support: ref support_plane,
+        on_motion: wanted_on_motion,
+        plausible_size: _,
     } = config;
     let default = Settings::default();
     let method = method(wanted_method)?;
@@ -56,6 +63,8 @@ pub(super) fn config(config: &v1::SessionConfig, limits: &Limits) -> Result<(Con
         stop: stop(stop_rule.as_ref(), method),
         symmetry: symmetry(declared_symmetry)?,
         template_axes: axes(template_axes)?,
+        support: support(support_plane.as_ref())?,
+        follows_motion: follows_motion(wanted_on_motion)?,
         stages: default.stages,
     };
     let config = Config::new(settings).map_err(|error| at("config", error))?;
@@ -118,15 +127,46 @@ fn axes(value: i32) -> Result<Axes, Error> {
     }
 }
 
+fn support(plane: Option<&v1::HalfSpace>) -> Result<Option<Plane>, Error> {
+    let Some(plane) = plane else { return Ok(None) };
+    match *half_space("config.support", plane)?.region() {
+        Region::HalfSpace { normal, offset_m } => Ok(Some(Plane::new(normal, offset_m))),
+        Region::Ball { .. } => Ok(None),
+    }
+}
+
+fn follows_motion(value: i32) -> Result<bool, Error> {
+    match v1::OnMotion::try_from(value) {
+        Ok(v1::OnMotion::Unspecified | v1::OnMotion::Follow) => Ok(true),
+        Ok(v1::OnMotion::Warn) => Ok(false),
+        Err(_) => Err(Error::field("config.on_motion", format!("{value} is nothing that can be done"))),
+    }
+}
+
 fn sensors(declared: &[v1::Sensor], limits: &Limits) -> Result<Vec<Sensor>, Error> {
-    if declared.len() > 1 {
-        return Err(Error::unimplemented("config.sensors with more than one pad"));
+    if declared.len() > limits.pads {
+        let description = format!("{} pads are more than the limit of {}", declared.len(), limits.pads);
+        return Err(Error::field("config.sensors", description));
+    }
+    for (index, sensor) in declared.iter().enumerate() {
+        if declared[..index].iter().any(|earlier| earlier.id == sensor.id && !sensor.id.is_empty()) {
+            let description = format!("{:?} is declared twice: contacts name their pad by it", sensor.id);
+            return Err(Error::field(format!("config.sensors[{index}].id"), description));
+        }
     }
     declared.iter().enumerate().map(|(index, declared)| sensor(index, declared, limits)).collect()
 }
 
 fn sensor(index: usize, declared: &v1::Sensor, limits: &Limits) -> Result<Sensor, Error> {
-    let v1::Sensor { id, tool_from_sensor, pad_half_side_m, contact_force_n } = declared;
+    let v1::Sensor {
+        id,
+        tool_from_sensor,
+        pad_half_side_m,
+        contact_force_n,
+        force_noise_n,
+        torque_noise_nm,
+        touched_point,
+    } = declared;
     let field = |name: &str| format!("config.sensors[{index}].{name}");
     if id.is_empty() {
         return Err(Error::field(field("id"), "is missing: contacts name their pad by it"));
@@ -143,10 +183,23 @@ fn sensor(index: usize, declared: &v1::Sensor, limits: &Limits) -> Result<Sensor
     };
     // In proto3 an unset number is zero, and no pad has that size.
     let pad_half_side_m = if *pad_half_side_m == 0.0 { DEFAULT_PAD_HALF_SIDE_M } else { *pad_half_side_m };
+    let touched = match v1::TouchedPoint::try_from(*touched_point) {
+        Ok(v1::TouchedPoint::Unspecified) => TouchedPoint::Open,
+        Ok(v1::TouchedPoint::PadCenter) => TouchedPoint::PadCentre,
+        Ok(v1::TouchedPoint::CenterOfPressure) => TouchedPoint::CentreOfPressure,
+        Err(_) => {
+            return Err(Error::field(field("touched_point"), format!("{touched_point} is no such point")));
+        }
+    };
+    let refused = |error| at(&format!("config.sensors[{index}]"), error);
+    let pad = Pad::new(positive("pad_half_side_m", pad_half_side_m, 1.0, "m")?).map_err(refused)?;
+    let force_noise_n = force_noise_n.unwrap_or(pad.force_noise_n());
+    let torque_noise_nm = torque_noise_nm.unwrap_or(pad.torque_noise_nm());
+    let pad = pad.with_noise(force_noise_n, torque_noise_nm).map_err(refused)?.touching_with(touched);
     Ok(Sensor {
         id: id.clone(),
         tool_from_sensor: pose(&field("tool_from_sensor"), tool_from_sensor.as_ref())?,
-        pad_half_side_m: positive("pad_half_side_m", pad_half_side_m, 1.0, "m")?,
+        pad,
         contact_force_n: contact_force_n
             .map(|force_n| positive("contact_force_n", force_n, 1e4, "N"))
             .transpose()?,

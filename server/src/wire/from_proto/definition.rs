@@ -7,6 +7,7 @@ use palpate_proto::v1;
 use super::check_text;
 use super::config::config;
 use super::robot::keep_out_regions;
+use super::size::plausible_size;
 use crate::error::Error;
 use crate::limits::Limits;
 use crate::session::Definition;
@@ -40,6 +41,7 @@ pub(crate) fn definition(
     let wanted_config = wanted_config.clone().unwrap_or_default();
     let (config, sensors) = config(&wanted_config, limits)?;
     let keep_out = keep_out_regions("config.keep_out", &wanted_config.keep_out, limits)?;
+    let plausible_size = plausible_size("config.plausible_size", wanted_config.plausible_size.as_ref())?;
     let frame_id = if frame_id.is_empty() { DEFAULT_FRAME } else { frame_id };
     Ok(Definition {
         session_id: session_id.clone(),
@@ -50,6 +52,7 @@ pub(crate) fn definition(
         config,
         sensors,
         keep_out,
+        plausible_size,
         created_us,
     })
 }

@@ -1,28 +1,44 @@
 //! Visual priors: bytes to points, points thinned and checked.
 
-use palpate_core::evidence::{MAX_COORDINATE_M, VisualPrior};
+use palpate_core::evidence::VisualPrior;
 use palpate_core::geometry::Point;
+use palpate_core::warning::{Warning, WarningKind};
 use palpate_proto::v1;
 
+use super::depth::depth_image;
 use super::geometry::optional_vector;
-use super::{at, check_timestamp, non_finite};
+use super::{at, check_timestamp, non_finite, required};
+use crate::depth;
 use crate::error::Error;
-use crate::mesh_format::{PointEncoding, read_points};
+use crate::mesh_format::{Cloud, Declared, Layout, PointEncoding, read_points};
 use crate::voxel;
 
-/// A surface takes this many points.
-const LEAST_POINTS: usize = 4;
+/// Points that were sent more than once are worth a warning from this many on, and from this share of all.
+const REPEATED_POINTS: usize = 4;
+const REPEATED_SHARE: f64 = 0.05;
 
 /// A cloud ready to be absorbed.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Prior {
     pub(crate) evidence: VisualPrior,
-    /// Points with finite coordinates.
+    /// Points with finite coordinates, each counted once.
     pub(crate) finite: usize,
     /// Points with a NaN or an infinity, as depth cameras mark what they did not see. They are dropped.
     pub(crate) non_finite: usize,
+    /// Points that were sent before in the same cloud. They are dropped.
+    pub(crate) repeated: usize,
+    /// Pixels between an edge and what lies behind it. They are dropped.
+    pub(crate) flying: usize,
     /// The edge of the voxels that the caller wants, in metres.
     pub(crate) voxel_m: Option<f64>,
+    /// What was noticed about the points.
+    pub(crate) warnings: Vec<Warning>,
+}
+
+/// Where the bytes of a view lead.
+enum Form<'a> {
+    Points(PointEncoding),
+    Image(depth::Encoding, depth::DepthImage<'a>),
 }
 
 /// Reads a cloud that the caller wrote at `path`. Costs milliseconds for a large one.
@@ -31,78 +47,132 @@ pub(crate) struct Prior {
 /// Bytes that are no cloud, numbers that are none, or too few points to show a surface.
 pub(crate) fn visual_prior(path: &str, prior: &v1::VisualPrior) -> Result<Prior, Error> {
     let v1::VisualPrior {
-        encoding: wanted_encoding,
+        encoding: _,
         points,
         uncertainty,
         viewpoint,
         voxel_m,
         capture_time,
-        depth,
+        depth: _,
+        packed: _,
+        keep_clutter: _,
     } = prior;
-    if depth.is_some() {
-        return Err(Error::unimplemented(format!("{path}.depth")));
-    }
-    let encoding = encoding(&format!("{path}.encoding"), *wanted_encoding)?;
+    let form = form(path, prior)?;
     check_timestamp(&format!("{path}.capture_time"), capture_time.as_ref())?;
     let viewpoint = optional_vector(&format!("{path}.viewpoint"), viewpoint.as_ref())?.map(Point::from);
-    let read = read_points(encoding, points).map_err(|error| at(path, error))?;
-    let all = read.len();
-    let finite = finite_points(path, read)?;
+    let (read, is_image) = match form {
+        Form::Points(encoding) => (read_points(encoding, points), false),
+        Form::Image(encoding, image) => (depth::read(&image, encoding, points), true),
+    };
+    let Cloud { points: sent, viewpoint: own_viewpoint, non_finite, flying } =
+        read.map_err(|error| at(path, error))?;
+    let count = sent.len();
+    // No two pixels look the same way.
+    let unique = if is_image { sent } else { voxel::without_duplicates(&sent) };
+    let (finite, repeated) = (unique.len(), count - unique.len());
+    let warnings = warnings(count, non_finite, repeated);
     let thinned = match *voxel_m {
-        None => voxel::without_duplicates(&finite),
+        None => unique,
         Some(voxel_m) => {
             check_voxel(path, voxel_m)?;
-            voxel::means(&finite, voxel_m)
+            voxel::means(&unique, voxel_m)
         }
     };
-    let evidence = VisualPrior::new(thinned, *uncertainty, viewpoint).map_err(|error| at(path, error))?;
-    Ok(Prior { evidence, finite: finite.len(), non_finite: all - finite.len(), voxel_m: *voxel_m })
+    let evidence = VisualPrior::new(thinned, *uncertainty, viewpoint.or(own_viewpoint));
+    let evidence = evidence.map_err(|error| at(path, error))?;
+    Ok(Prior { evidence, finite, non_finite, repeated, flying, voxel_m: *voxel_m, warnings })
 }
 
-/// Whether clouds in this encoding can be read.
+/// Whether views in this encoding can be read.
 pub(crate) fn is_readable(encoding: v1::PointEncoding) -> bool {
     match encoding {
-        v1::PointEncoding::XyzF32Le | v1::PointEncoding::Ply => true,
-        v1::PointEncoding::Unspecified | v1::PointEncoding::DepthU16 => false,
+        v1::PointEncoding::XyzF32Le
+        | v1::PointEncoding::Ply
+        | v1::PointEncoding::DepthU16
+        | v1::PointEncoding::Pcd
+        | v1::PointEncoding::Packed
+        | v1::PointEncoding::DepthPng => true,
+        v1::PointEncoding::Unspecified => false,
     }
 }
 
-fn encoding(field: &str, value: i32) -> Result<PointEncoding, Error> {
-    match v1::PointEncoding::try_from(value) {
-        Ok(v1::PointEncoding::XyzF32Le) => Ok(PointEncoding::XyzF32Le),
-        Ok(v1::PointEncoding::Ply) => Ok(PointEncoding::Ply),
-        Ok(v1::PointEncoding::DepthU16) => {
-            Err(Error::unimplemented(format!("{field} POINT_ENCODING_DEPTH_U16")))
-        }
+fn form<'a>(path: &str, prior: &'a v1::VisualPrior) -> Result<Form<'a>, Error> {
+    let field = format!("{path}.encoding");
+    let encoding = match v1::PointEncoding::try_from(prior.encoding) {
         Ok(v1::PointEncoding::Unspecified) => {
-            Err(Error::field(field, "is missing: say POINT_ENCODING_XYZ_F32_LE or POINT_ENCODING_PLY"))
+            let description = "is missing: say POINT_ENCODING_XYZ_F32_LE, POINT_ENCODING_PLY, POINT_ENCODING_PCD, \
+                               POINT_ENCODING_PACKED, POINT_ENCODING_DEPTH_U16 or POINT_ENCODING_DEPTH_PNG";
+            return Err(Error::field(field, description));
         }
-        Err(_) => Err(Error::field(field, format!("{value} is no encoding"))),
+        Ok(encoding) => encoding,
+        Err(_) => return Err(Error::field(field, format!("{} is no encoding", prior.encoding))),
+    };
+    let needless = |name: &str| {
+        let description =
+            format!("says nothing of {}: leave it out, or say another encoding", encoding.as_str_name());
+        Err(Error::field(format!("{path}.{name}"), description))
+    };
+    let takes_depth = matches!(encoding, v1::PointEncoding::DepthU16 | v1::PointEncoding::DepthPng);
+    if prior.depth.is_some() && !takes_depth {
+        return needless("depth");
+    }
+    if prior.packed.is_some() && encoding != v1::PointEncoding::Packed {
+        return needless("packed");
+    }
+    let image = |encoding| {
+        let depth_path = format!("{path}.depth");
+        let image = required(&depth_path, prior.depth.as_ref())?;
+        // Who wants clutter wants its edges, too.
+        Ok(Form::Image(encoding, depth_image(&depth_path, image, prior.keep_clutter)?))
+    };
+    match encoding {
+        v1::PointEncoding::XyzF32Le | v1::PointEncoding::Unspecified => {
+            Ok(Form::Points(PointEncoding::XyzF32Le))
+        }
+        v1::PointEncoding::Ply => Ok(Form::Points(PointEncoding::Ply)),
+        v1::PointEncoding::Pcd => Ok(Form::Points(PointEncoding::Pcd)),
+        v1::PointEncoding::Packed => {
+            Ok(Form::Points(PointEncoding::Packed(layout(path, prior.packed.as_ref())?)))
+        }
+        v1::PointEncoding::DepthU16 => image(depth::Encoding::U16Le),
+        v1::PointEncoding::DepthPng => image(depth::Encoding::Png),
     }
 }
 
-/// The points without those that have a NaN or an infinity; one far away is a mistake of another kind.
-fn finite_points(path: &str, mut points: Vec<Point>) -> Result<Vec<Point>, Error> {
-    let far = |point: &Point| point.iter().any(|x| x.is_finite() && x.abs() > MAX_COORDINATE_M);
-    let field = || format!("{path}.points");
-    if let Some(index) = points.iter().position(far) {
-        let Point { coords } = points[index];
-        let (x, y, z) = (coords.x, coords.y, coords.z);
-        let description = format!(
-            "point {index} is ({x}, {y}, {z}), beyond {MAX_COORDINATE_M} m: are these metres, and 32-bit floats?"
-        );
-        return Err(non_finite(field(), description));
+fn layout(path: &str, packed: Option<&v1::PackedPoints>) -> Result<Layout, Error> {
+    let &v1::PackedPoints {
+        point_step,
+        x_offset,
+        y_offset,
+        z_offset,
+        is_double,
+        is_bigendian,
+        width,
+        row_step,
+    } = required(&format!("{path}.packed"), packed)?;
+    let offsets = [x_offset, y_offset, z_offset];
+    let declared = Declared { point_step, offsets, is_double, is_bigendian, width, row_step };
+    Layout::new(&declared).map_err(|error| at(path, error))
+}
+
+/// What to say of `finite` points, of which some are `repeated`, beside which others are not finite.
+fn warnings(finite: usize, non_finite: usize, repeated: usize) -> Vec<Warning> {
+    let mut warnings = Vec::new();
+    if non_finite > 0 {
+        let all = finite + non_finite;
+        let message = format!("{non_finite} of {all} points are NaN or infinite and were dropped");
+        let warning = Warning::new(WarningKind::NonFinitePoints, message);
+        warnings.push(warning.with("non_finite_points", non_finite as f64).with("points", all as f64));
     }
-    let all = points.len();
-    points.retain(|point| point.iter().all(|x| x.is_finite()));
-    if points.len() < LEAST_POINTS && points.len() < all {
-        let description = format!(
-            "{} of {all} points are finite, and at least {LEAST_POINTS} are needed: the others are NaN or infinite",
-            points.len()
+    if repeated >= REPEATED_POINTS && repeated as f64 > REPEATED_SHARE * finite as f64 {
+        let message = format!(
+            "{repeated} of {finite} points repeat another one exactly and count once: if these are pixels without depth, \
+             leave them out"
         );
-        return Err(non_finite(field(), description));
+        let warning = Warning::new(WarningKind::RepeatedPoints, message);
+        warnings.push(warning.with("repeated_points", repeated as f64).with("points", finite as f64));
     }
-    Ok(points)
+    warnings
 }
 
 fn check_voxel(path: &str, voxel_m: f64) -> Result<(), Error> {

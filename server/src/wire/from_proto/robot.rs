@@ -7,6 +7,7 @@ use super::geometry::{point, pose, vector};
 use super::{at, check_text};
 use crate::error::Error;
 use crate::limits::Limits;
+use crate::session::Question;
 
 /// How far a normal's length may be from one: `offset_m` is a distance only along a unit normal.
 const NORMAL_TOLERANCE: f64 = 1e-3;
@@ -21,26 +22,25 @@ pub(crate) fn exploration_request(
     robot_field: &str,
     robot: Option<&v1::RobotContext>,
     limits: &Limits,
-) -> Result<ProposalRequest, Error> {
+) -> Result<Question, Error> {
     if top_k > limits.top_k {
         let description = format!("{top_k} candidates are more than the limit of {}", limits.top_k);
         return Err(Error::field(top_k_field, description));
     }
     let Some(v1::RobotContext { robot_id, tool_pose, keep_out: regions }) = robot else {
-        return Ok(ProposalRequest::best(top_k as usize));
+        let request = ProposalRequest::best(top_k as usize);
+        return Ok(Question { request, robot_id: String::new() });
     };
     check_text(&format!("{robot_field}.robot_id"), robot_id, limits.name_bytes)?;
     let tool_field = format!("{robot_field}.tool_pose");
     let tool_pose = tool_pose.as_ref().map(|tool| pose(&tool_field, Some(tool))).transpose()?;
     let keep_out = keep_out_regions(&format!("{robot_field}.keep_out"), regions, limits)?;
     let request = ProposalRequest::best(top_k as usize).keeping_out_of(keep_out);
-    match tool_pose {
-        None => Ok(request),
-        Some(tool) => {
-            let position = tool.translation.vector.into();
-            request.with_tool_at(position).map_err(|error| at(&tool_field, error))
-        }
-    }
+    let request = match tool_pose {
+        None => request,
+        Some(tool) => request.with_tool(&tool).map_err(|error| at(&tool_field, error))?,
+    };
+    Ok(Question { request, robot_id: robot_id.clone() })
 }
 
 /// The regions at a path.
@@ -64,21 +64,27 @@ fn keep_out(path: &str, region: &v1::KeepOut) -> Result<KeepOut, Error> {
     let v1::KeepOut { shape } = region;
     match shape {
         None => Err(Error::field(format!("{path}.shape"), "is missing: give a half_space or a ball")),
-        Some(v1::keep_out::Shape::HalfSpace(v1::HalfSpace { normal, offset_m })) => {
-            let path = format!("{path}.half_space");
-            let normal_field = format!("{path}.normal");
-            let normal = vector(&normal_field, normal.as_ref())?;
-            let length = normal.norm();
-            if length.is_nan() || (length - 1.0).abs() > NORMAL_TOLERANCE {
-                let description = format!("has length {length:.4} and must be normalised to 1");
-                return Err(Error::field(normal_field, description));
-            }
-            KeepOut::half_space(normal, *offset_m).map_err(|error| at(&path, error))
-        }
+        Some(v1::keep_out::Shape::HalfSpace(message)) => half_space(&format!("{path}.half_space"), message),
         Some(v1::keep_out::Shape::Ball(v1::Ball { center, radius_m })) => {
             let path = format!("{path}.ball");
             let center = point(&format!("{path}.center"), center.as_ref())?;
             KeepOut::ball(center, *radius_m).map_err(|error| at(&path, error))
         }
     }
+}
+
+/// Everything on one side of a plane.
+///
+/// # Errors
+/// A normal that is missing or not of length one, or an offset that is none.
+pub(super) fn half_space(path: &str, message: &v1::HalfSpace) -> Result<KeepOut, Error> {
+    let v1::HalfSpace { normal, offset_m } = message;
+    let normal_field = format!("{path}.normal");
+    let normal = vector(&normal_field, normal.as_ref())?;
+    let length = normal.norm();
+    if length.is_nan() || (length - 1.0).abs() > NORMAL_TOLERANCE {
+        let description = format!("has length {length:.4} and must be normalised to 1");
+        return Err(Error::field(normal_field, description));
+    }
+    KeepOut::half_space(normal, *offset_m).map_err(|error| at(path, error))
 }

@@ -98,6 +98,7 @@ pub(super) fn tasks(objects: &[EvaluatedObject], args: &Args) -> Vec<Task> {
 #[cfg(test)]
 mod tests {
     use palpate_client::proto::v1::Symmetry;
+    use palpate_simulator::probe::Pad;
 
     use super::super::objects;
     use super::super::tests::typed;
@@ -114,6 +115,17 @@ mod tests {
             assert_eq!(declared == Symmetry::Mirror, case.method == "palpate", "{case:?}");
             assert!(plan.probe.measures_normals);
         }
+    }
+
+    #[test]
+    fn the_papers_point_touches_and_nothing_goes_wrong_unless_it_is_asked_for() {
+        let objects = objects::load(None, 1.0, &["ball".to_owned()]).unwrap();
+        let planned = |args: &[&str]| tasks(&objects, &typed(args)).remove(0).plan;
+        let usual = planned(&[]);
+        assert!(usual.probe.pad == Pad::Point && !usual.faults.any());
+        let faulty = planned(&["--pad", "flat", "--table", "--false-contacts", "0.1"]);
+        assert!(faulty.probe.pad == Pad::Flat && faulty.faults.table_share == 0.25);
+        assert_eq!(faulty.faults.false_contact_share, 0.1);
     }
 
     #[test]

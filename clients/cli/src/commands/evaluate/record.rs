@@ -10,7 +10,7 @@ use super::spread::Spread;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct AttemptRow {
     pub(super) attempt: u32,
-    /// `view`, `hit`, `early` or `miss`.
+    /// `view`, `hit`, `early`, `miss`, or `false` for a contact that was reported of nothing.
     pub(super) outcome: String,
     #[serde(serialize_with = "rounded")]
     pub(super) surface_distance_mm: f64,
@@ -33,6 +33,11 @@ impl AttemptRow {
     pub(super) fn failed(&self) -> bool {
         matches!(self.outcome.as_str(), "miss" | "early")
     }
+
+    /// Whether a contact was reported in the air, so that nothing is known of what would have been met.
+    pub(super) fn is_false(&self) -> bool {
+        self.outcome == "false"
+    }
 }
 
 /// One finished run.
@@ -49,6 +54,8 @@ pub(super) struct Run {
     pub(super) calibration_2sigma: Option<f64>,
     /// Why the server stopped before the budget was spent; empty if it did not.
     pub(super) stopped_early: String,
+    /// How many of the server's replies warned of something beyond an early contact or an undeclared table.
+    pub(super) warnings: u32,
 }
 
 impl Run {
@@ -106,6 +113,7 @@ pub(super) struct RunRow {
     #[serde(serialize_with = "rounded")]
     mean_uncertainty: f64,
     stopped_early: String,
+    warnings: u32,
 }
 
 impl RunRow {
@@ -125,6 +133,7 @@ impl RunRow {
             calibration_2sigma: run.calibration_2sigma,
             mean_uncertainty: run.attempts.last().map_or(1.0, |row| row.mean_uncertainty),
             stopped_early: run.stopped_early.clone(),
+            warnings: run.warnings,
         }
     }
 
@@ -150,6 +159,7 @@ impl RunRow {
             stated_errors,
             calibration_2sigma: self.calibration_2sigma,
             stopped_early: self.stopped_early,
+            warnings: self.warnings,
         }
     }
 }
@@ -190,6 +200,7 @@ mod tests {
                 stated_errors: Vec::new(),
                 calibration_2sigma: None,
                 stopped_early: String::new(),
+                warnings: 0,
             }
         }
     }

@@ -46,6 +46,7 @@ pub(super) fn collect(series: &[(String, String)], objects: &[String], runs: &[R
         let risks_until = |last: usize| {
             let attempts = runs().flat_map(|run| run.attempts.iter().take(last.saturating_add(1)));
             attempts
+                .filter(|row| !row.is_false())
                 .filter_map(|row| row.failure_risk.map(|risk| StatedRisk { risk, failed: row.failed() }))
                 .collect()
         };
@@ -185,6 +186,14 @@ mod tests {
         assert_eq!(counts, [3, 1], "the pear has none");
         assert!(statements.risks.iter().all(|stated| stated.failed));
         assert_eq!(statements.risk_bins().len(), 3);
+    }
+
+    #[test]
+    fn a_contact_in_the_air_says_nothing_of_the_risk_that_was_stated() {
+        let mut run = stating("lamp", &[0.001], 0.02);
+        run.attempts[1].outcome = "false".to_owned();
+        let found = collect(&series(), &names(&["lamp"]), &[run]);
+        assert!(found[0].risks.is_empty() && !found[0].errors_by_object.is_empty());
     }
 
     #[test]

@@ -27,6 +27,8 @@ pub(super) struct Report<'a> {
     pub(super) seeds: u64,
     /// How many runs there would be if all had ended well.
     pub(super) planned: usize,
+    /// Whether anything goes wrong on purpose.
+    pub(super) has_faults: bool,
     /// The runs that there are.
     pub(super) runs: Vec<Run>,
 }
@@ -62,6 +64,7 @@ impl Report<'_> {
             planned: self.planned,
             chamfer_points: Sampling::default().chamfer_points,
             runs: &self.runs,
+            has_faults: self.has_faults,
             statements: &statements,
         };
         Ok(std::fs::write(self.folder.table(), table.markdown())?)

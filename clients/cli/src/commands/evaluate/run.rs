@@ -55,10 +55,10 @@ pub(super) async fn run(client: Client, task: Task) -> Result<Run, Failure> {
         StopReason::Unspecified | StopReason::Budget => String::new(),
         reason => reason.as_str_name().to_owned(),
     };
-    let session_id = session.session_id.clone();
+    let (session_id, warnings) = (session.session_id.clone(), robot.warned);
     let last = robot.measure(Reference::compare).await?;
     let calibration_2sigma = calibration(&object.reference, robot.estimate).await?;
-    Ok(Run { case, session_id, attempts, last, stated_errors, calibration_2sigma, stopped_early })
+    Ok(Run { case, session_id, attempts, last, stated_errors, calibration_2sigma, stopped_early, warnings })
 }
 
 #[derive(Debug)]

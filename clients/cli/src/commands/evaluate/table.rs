@@ -31,6 +31,8 @@ pub(super) struct Report<'a> {
     pub(super) chamfer_points: usize,
     /// All runs.
     pub(super) runs: &'a [Run],
+    /// Whether anything goes wrong on purpose, so that a server that says nothing of it is worth a row.
+    pub(super) has_faults: bool,
     /// What the methods stated in them.
     pub(super) statements: &'a [Statements],
 }
@@ -51,6 +53,11 @@ The event log of every run is kept in `sessions.db` beside this file: `palpate s
 const PUBLISHED_NOTES: &str = "\
 Published figures are those of Table I for objects of the same name: three executions each, from other views.
 The published minU leaves out runs that were trapped in repeated failures; here every run counts.
+";
+
+const WARNING_NOTES: &str = "
+A run has a warning if a reply of the server told of something wrong; an early contact, which is a failure, and a table \
+that was not declared do not count.
 ";
 
 impl Report<'_> {
@@ -83,6 +90,7 @@ impl Report<'_> {
         self.rows(&mut text, &failures, 1, |run| Some(f64::from(run.missed() + run.early())), published);
         self.rows(&mut text, "of these, missed", 1, |run| Some(f64::from(run.missed())), nothing_published);
         self.rows(&mut text, "of these, early", 1, |run| Some(f64::from(run.early())), nothing_published);
+        self.warned_rows(&mut text);
         text.push_str("\n## Surface distance and the other metrics\n\n");
         self.header(&mut text);
         let calibration =
@@ -118,17 +126,7 @@ impl Report<'_> {
         published: fn(&paper::Column, usize) -> Option<paper::Spread>,
     ) {
         for (method, strategy) in self.series {
-            let cells: Vec<_> = self
-                .objects
-                .iter()
-                .map(|(object, _)| {
-                    let of_cell = |run: &&Run| {
-                        let case = &run.case;
-                        (&case.object, &case.method, &case.strategy) == (object, method, strategy)
-                    };
-                    Spread::of(self.runs.iter().filter(of_cell).filter_map(value))
-                })
-                .collect();
+            let cells = self.cells(method, strategy, value);
             if cells.iter().all(Option::is_none) {
                 continue;
             }
@@ -137,6 +135,44 @@ impl Report<'_> {
             self.row(text, metric, &format!("{method}, {strategy}"), &shown, &mean_of(&means, digits));
             self.published_row(text, metric, digits, strategy, published);
         }
+    }
+
+    /// What a series has come to, object by object.
+    fn cells(&self, method: &String, strategy: &String, value: Metric) -> Vec<Option<Spread>> {
+        let of_object = |(object, _): &(String, f64)| {
+            let of_cell = |run: &&Run| {
+                let case = &run.case;
+                (&case.object, &case.method, &case.strategy) == (object, method, strategy)
+            };
+            Spread::of(self.runs.iter().filter(of_cell).filter_map(value))
+        };
+        self.objects.iter().map(of_object).collect()
+    }
+
+    /// One row a series: how many of its runs the server warned of, where there is something to warn of.
+    fn warned_rows(&self, text: &mut String) {
+        if !self.has_faults && self.runs.iter().all(|run| run.warnings == 0) {
+            return;
+        }
+        let warned = |run: &Run| Some(if run.warnings > 0 { 100.0 } else { 0.0 });
+        for (method, strategy) in self.series {
+            let shares: Vec<_> = self
+                .cells(method, strategy, warned)
+                .iter()
+                .map(|cell| cell.map(|spread| spread.mean))
+                .collect();
+            if shares.iter().any(Option::is_some) {
+                let series = format!("{method}, {strategy}");
+                self.row(
+                    text,
+                    "runs with a warning, %",
+                    &series,
+                    &show_all(&shares, 0),
+                    &mean_of(&shares, 0),
+                );
+            }
+        }
+        text.push_str(WARNING_NOTES);
     }
 
     fn published_row(
@@ -221,6 +257,7 @@ mod tests {
             planned: runs.len() + 1,
             chamfer_points: 13_000,
             runs,
+            has_faults: false,
             statements: &[],
         }
         .markdown()
@@ -265,6 +302,19 @@ mod tests {
         let row =
             "| true error within 2 sigma, mean of attempts 5 to 50 | paper, proactive | 0.920 | 0.920 |";
         assert!(text.contains(row), "{text}");
+    }
+
+    #[test]
+    fn runs_with_a_warning_are_shown_where_there_is_one_or_should_be() {
+        let objects = [("lamp".to_owned(), 1.05), ("pear".to_owned(), 1.0)];
+        let mut runs: Vec<_> = [("lamp", 1), ("lamp", 2), ("pear", 1)]
+            .map(|(object, seed)| Run::example(object, Strategy::Proactive, seed, 1.0))
+            .into();
+        assert!(!report(&objects, &runs).contains("warning"));
+        runs[1].warnings = 7;
+        let text = report(&objects, &runs);
+        assert!(text.contains("| runs with a warning, % | paper, proactive | 50 | 0 | 25 |"), "{text}");
+        assert!(text.contains("\n\nA run has a warning if"), "the table ends before the note\n{text}");
     }
 
     #[test]

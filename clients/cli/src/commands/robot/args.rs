@@ -1,19 +1,20 @@
-//! Arguments that say what is explored, how, and with what sensors.
+//! Arguments that say what is explored and how, and the plan that they make.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use palpate_client::proto::v1::{
-    CreateSessionRequest, Method, SessionConfig, StopRule, Strategy, Symmetry, TemplateAxes,
+    CreateSessionRequest, Method, Pose, Quaternion, Sensor, SessionConfig, StopRule, Strategy, Symmetry,
+    TemplateAxes, TouchedPoint, Vector3,
 };
 use palpate_server::Limits;
 use palpate_simulator::body::Body;
-use palpate_simulator::camera::Camera;
-use palpate_simulator::probe::ProbeSettings;
+use palpate_simulator::probe::Pad;
 use palpate_simulator::robot::Plan;
 use palpate_simulator::{mesh_file, shapes};
 
 use super::names::{name_of, parser};
+use super::sensors::SensorArgs;
 use crate::failure::{Failure, wrong_usage};
 
 /// What the robot explores.
@@ -110,48 +111,20 @@ pub(in crate::commands) fn attempts(text: &str) -> Result<u32, String> {
     }
 }
 
-/// What the robot measures, and how badly; exactly, unless told otherwise.
-#[derive(Clone, Copy, Debug, clap::Args)]
-#[command(next_help_heading = "Sensors")]
-pub(in crate::commands) struct SensorArgs {
-    /// How much the camera sees, as a share of the object's whole surface; it never sees the far side.
-    #[arg(long, value_name = "SHARE", default_value_t = Camera::default().patch_share, value_parser = share)]
-    patch: f64,
-
-    /// Standard deviation of the depth camera along its rays.
-    #[arg(long, value_name = "MM", default_value_t = 0.0, value_parser = not_negative)]
-    depth_noise_mm: f64,
-
-    /// Standard deviation of the touched position along each axis.
-    #[arg(long, value_name = "MM", default_value_t = 0.0, value_parser = not_negative)]
-    tactile_noise_mm: f64,
-
-    /// Measure the normal of the touched surface too, and report it with every contact.
-    #[arg(long)]
-    measured_normals: bool,
-
-    /// Standard deviation of a measured normal about each of its two tangents.
-    #[arg(
-        long,
-        value_name = "DEGREES",
-        default_value_t = 5.0,
-        value_parser = not_negative,
-        requires = "measured_normals"
-    )]
-    normal_noise_deg: f64,
-}
-
-fn share(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if (0.01..=1.0).contains(&value) => Ok(value),
-        _ => Err("must be between 0.01 and 1".to_owned()),
-    }
-}
-
-fn not_negative(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),
-        _ => Err("must be a number, at least 0".to_owned()),
+/// The pad as the session is told of it. The paper's probe touches with its tip, whatever torque is simulated.
+fn declared(pad: Pad) -> Sensor {
+    let touched_point = match pad {
+        Pad::Point => TouchedPoint::PadCenter,
+        Pad::Flat => TouchedPoint::Unspecified,
+    };
+    Sensor {
+        id: "pad".to_owned(),
+        tool_from_sensor: Some(Pose {
+            position: Some(Vector3::default()),
+            orientation: Some(Quaternion { w: 1.0, ..Quaternion::default() }),
+        }),
+        touched_point: touched_point.into(),
+        ..Sensor::default()
     }
 }
 
@@ -185,6 +158,7 @@ pub(in crate::commands) fn plan(
                 symmetry: session.symmetry.unwrap_or_default().into(),
                 template_axes: session.template_axes.unwrap_or_default().into(),
                 seed: Some(session.seed),
+                sensors: vec![declared(sensors.probe().pad)],
                 stop: Some(StopRule { max_attempts: Some(session.attempts), ..StopRule::default() }),
                 ..SessionConfig::default()
             }),
@@ -192,12 +166,9 @@ pub(in crate::commands) fn plan(
         },
         seed: session.seed,
         attempts: session.attempts,
-        camera: Camera { patch_share: sensors.patch, depth_noise_m: sensors.depth_noise_mm * 1e-3 },
-        probe: ProbeSettings {
-            tactile_noise_m: sensors.tactile_noise_mm * 1e-3,
-            measures_normals: sensors.measured_normals,
-            normal_noise_rad: sensors.normal_noise_deg.to_radians(),
-        },
+        camera: sensors.camera(),
+        probe: sensors.probe(),
+        faults: sensors.faults.faults(),
     }
 }
 
@@ -278,13 +249,5 @@ mod tests {
         assert!(refusal.contains("--template-axes free needs --method paper"), "{refusal}");
         let mirrored = SessionArgs { symmetry: Some(Symmetry::Mirror), ..session };
         assert!(mirrored.check().unwrap_err().to_string().contains("--symmetry needs --method palpate"));
-    }
-
-    #[test]
-    fn noise_or_a_patch_that_cannot_be_is_refused() {
-        assert!(not_negative("-1").is_err() && not_negative("nan").is_err() && not_negative("x").is_err());
-        assert_eq!(not_negative("1.5"), Ok(1.5));
-        assert!(share("0").is_err() && share("12").is_err() && share("nan").is_err());
-        assert_eq!(share("0.3"), Ok(0.3));
     }
 }

@@ -26,6 +26,7 @@ pub(in crate::commands) struct Exploration {
     attempts: u32,
     missed: u32,
     early: u32,
+    false_contacts: u32,
     touching: Duration,
     mean_uncertainty: f64,
     stopped: StopReason,
@@ -45,6 +46,7 @@ pub(in crate::commands) async fn drive(
         MeasuredRobot::begin(client, body, reference, plan, Reference::surface_distance_m).await?;
     let head = styled(BOLD, "attempt  outcome  error mm  uncertainty");
     let seen = format!("   none  camera   {:8.2}  {:11.3}", 1e3 * robot.errors, robot.mean_uncertainty());
+    let seen = with_warnings(seen, robot.view_warnings());
     bar.suspend(|| say(format_args!("\n{head}\n{seen}")))?;
     let mut attempts = 0;
     while let Some(attempt) = robot.step().await? {
@@ -59,6 +61,7 @@ pub(in crate::commands) async fn drive(
         attempts,
         missed: robot.missed,
         early: robot.early,
+        false_contacts: robot.false_contacts,
         touching: robot.touching,
         mean_uncertainty: robot.mean_uncertainty(),
         stopped: robot.session().should_stop(),
@@ -71,11 +74,16 @@ fn line(attempt: &Attempt, error_m: f64) -> String {
     let outcome = format!("{:<7}", outcome_name(&attempt.outcome));
     let outcome = match attempt.outcome {
         Outcome::Hit(_) => outcome,
-        Outcome::Early(_) | Outcome::Miss => styled(ODD, outcome),
+        Outcome::Early(_) | Outcome::Miss | Outcome::False(_) => styled(ODD, outcome),
     };
     let (number, uncertainty) = (attempt.number, attempt.mean_uncertainty);
-    let mut line = format!("{number:7}  {outcome}  {:8.2}  {uncertainty:11.3}", 1e3 * error_m);
-    for warning in &attempt.warnings {
+    let line = format!("{number:7}  {outcome}  {:8.2}  {uncertainty:11.3}", 1e3 * error_m);
+    with_warnings(line, &attempt.warnings)
+}
+
+/// A line of the table with what the server found odd below it.
+fn with_warnings(mut line: String, warnings: &[String]) -> String {
+    for warning in warnings {
         line.push('\n');
         line.push_str(&wrapped(&format!("         {warning}"), 9));
     }
@@ -84,7 +92,8 @@ fn line(attempt: &Attempt, error_m: f64) -> String {
 
 impl std::fmt::Display for Exploration {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { attempts, missed, early, touching, mean_uncertainty, stopped, comparison, .. } = self;
+        let Self { attempts, missed, early, false_contacts, touching, .. } = self;
+        let Self { mean_uncertainty, stopped, comparison, .. } = self;
         let each_ms = 1e3 * touching.as_secs_f64() / f64::from((*attempts).max(1));
         let seconds = touching.as_secs_f64();
         let attempted = counted(*attempts as usize, "touch", "touches");
@@ -94,6 +103,10 @@ impl std::fmt::Display for Exploration {
         )?;
         let failures = counted((missed + early) as usize, "failure", "failures");
         writeln!(f, "{failures}: {missed} missed, {early} early")?;
+        if *false_contacts > 0 {
+            let touches = counted(*false_contacts as usize, "contact", "contacts");
+            writeln!(f, "{touches} reported in the air")?;
+        }
         let mm = |metres: f64| 1e3 * metres;
         writeln!(f, "error: {:.2} mm mean surface distance", mm(comparison.surface_distance_m))?;
         writeln!(f, "       {:.2} mm at worst (Hausdorff)", mm(comparison.hausdorff_m))?;
@@ -115,7 +128,9 @@ pub(in crate::commands) fn save_ply(exploration: &Exploration, path: &Path) -> R
 #[cfg(test)]
 mod tests {
     use palpate_client::proto::v1::Candidate;
+    use palpate_core::geometry::{Point, Pose, Vector};
     use palpate_core::metrics::Chamfer;
+    use palpate_simulator::probe::Touch;
 
     use super::*;
 
@@ -134,6 +149,16 @@ mod tests {
         let line = line(&attempt, 0.123_456);
         assert_eq!(line, format!("   1000  {miss}    123.46        0.123"));
         assert!(line.replace(&miss, "miss   ").len() <= 42);
+        let touch = Touch {
+            base_from_sensor: Pose::identity(),
+            force_n: Vector::zeros(),
+            torque_nm: Vector::zeros(),
+            swept_from: Point::origin(),
+            normal: None,
+        };
+        for outcome in [Outcome::Hit(touch), Outcome::Early(touch), Outcome::False(touch)] {
+            assert!(outcome_name(&outcome).len() <= 7);
+        }
     }
 
     #[test]
@@ -144,6 +169,7 @@ mod tests {
             attempts: 1,
             missed: 1,
             early: 0,
+            false_contacts: 2,
             touching: Duration::from_millis(31),
             mean_uncertainty: 0.5,
             stopped: StopReason::Stalled,
@@ -158,7 +184,7 @@ mod tests {
         };
         let text = exploration.to_string();
         assert!(text.starts_with("1 touch in 0.0 s, 31 ms each:"), "{text}");
-        assert!(text.contains("\n1 failure: 1 missed, 0 early\n"), "{text}");
+        assert!(text.contains("\n1 failure: 1 missed, 0 early\n2 contacts reported in the air\n"), "{text}");
         assert!(text.ends_with("\nstopped early: STOP_REASON_STALLED"), "{text}");
         assert!(text.lines().all(|line| line.len() <= 42), "{text}");
     }

@@ -11,6 +11,7 @@ use palpate_simulator::body::Body;
 use palpate_simulator::probe::Outcome;
 use palpate_simulator::robot::{Attempt, Estimate, Plan, Robot};
 
+use super::warnings::is_telling;
 use crate::failure::Failure;
 
 /// What is computed from an estimate and the truth after every attempt.
@@ -22,7 +23,7 @@ pub(in crate::commands) struct MeasuredRobot<'a, T> {
     robot: Robot<'a>,
     reference: Arc<Reference>,
     metric: Metric<T>,
-    /// The latest estimate.
+    /// The latest estimate, with the object back where it stood at first if it has moved: where the reference is.
     pub(in crate::commands) estimate: Estimate,
     /// How far the latest estimate is from the truth.
     pub(in crate::commands) errors: T,
@@ -30,6 +31,10 @@ pub(in crate::commands) struct MeasuredRobot<'a, T> {
     pub(in crate::commands) missed: u32,
     /// Attempts that met something before they were there.
     pub(in crate::commands) early: u32,
+    /// Attempts that were reported as contacts and met nothing.
+    pub(in crate::commands) false_contacts: u32,
+    /// Replies with a warning that something is wrong.
+    pub(in crate::commands) warned: u32,
     /// The time that the robot waited for the server's replies to its reports.
     pub(in crate::commands) touching: Duration,
 }
@@ -46,8 +51,20 @@ impl<'a, T: Send + 'static> MeasuredRobot<'a, T> {
         let mut robot = Robot::begin(client, body, plan).await?;
         let estimate = robot.estimate().await?;
         let errors = compare(&reference, &estimate.mesh, metric).await?;
-        let touching = Duration::ZERO;
-        Ok(Self { robot, reference, metric, estimate, errors, missed: 0, early: 0, touching })
+        let mut measured = Self {
+            robot,
+            reference,
+            metric,
+            estimate,
+            errors,
+            missed: 0,
+            early: 0,
+            false_contacts: 0,
+            warned: 0,
+            touching: Duration::ZERO,
+        };
+        measured.warned = has_telling(measured.view_warnings());
+        Ok(measured)
     }
 
     /// Makes the next attempt; `None` when the exploration is finished.
@@ -59,8 +76,13 @@ impl<'a, T: Send + 'static> MeasuredRobot<'a, T> {
             Outcome::Hit(_) => {}
             Outcome::Early(_) => self.early += 1,
             Outcome::Miss => self.missed += 1,
+            Outcome::False(_) => self.false_contacts += 1,
         }
-        let before = std::mem::replace(&mut self.estimate, self.robot.estimate().await?);
+        self.warned += has_telling(&attempt.warnings);
+        let displacement = self.robot.displacement();
+        let mut estimate = self.robot.estimate().await?;
+        estimate.mesh.vertices.iter_mut().for_each(|vertex| *vertex -= displacement);
+        let before = std::mem::replace(&mut self.estimate, estimate);
         // A failure may leave the estimate as it was, and then its errors too.
         if self.estimate.mesh != before.mesh {
             self.errors = self.measure(self.metric).await?;
@@ -81,6 +103,11 @@ impl<'a, T: Send + 'static> MeasuredRobot<'a, T> {
         self.robot.session()
     }
 
+    /// What the server found odd about the view.
+    pub(in crate::commands) fn view_warnings(&self) -> &[String] {
+        self.robot.view_warnings()
+    }
+
     /// Over the vertices of the latest estimate; 1 where nothing is known.
     pub(in crate::commands) fn mean_uncertainty(&self) -> f64 {
         self.session().stats.as_ref().map_or(1.0, |stats| stats.mean_uncertainty)
@@ -90,6 +117,11 @@ impl<'a, T: Send + 'static> MeasuredRobot<'a, T> {
     pub(in crate::commands) async fn ply(&self) -> Result<Vec<u8>, Failure> {
         Ok(self.robot.ply().await?)
     }
+}
+
+/// One if a reply with these warnings says that something is wrong.
+fn has_telling(warnings: &[String]) -> u32 {
+    u32::from(warnings.iter().any(|warning| is_telling(warning)))
 }
 
 /// Compares off the async executor, which has a server to run.
@@ -108,5 +140,6 @@ pub(in crate::commands) fn outcome_name(outcome: &Outcome) -> &'static str {
         Outcome::Hit(_) => "hit",
         Outcome::Early(_) => "early",
         Outcome::Miss => "miss",
+        Outcome::False(_) => "false",
     }
 }
