@@ -22,7 +22,7 @@ pub(crate) use self::hyperparameters::Hyperparameters;
 use self::process::{Displacement, Observation};
 use crate::config::Config;
 use crate::evidence::FitEvidence;
-use crate::evidence::attractor::{Attractor, Group, Provenance, Rigid, Sense};
+use crate::evidence::attractor::{Attractor, Group, Provenance, Rigid};
 use crate::geometry::{Point, SurfacePoint, Vector};
 use crate::schedule::Extras;
 use crate::template::{Compound, TemplateSurface};
@@ -68,8 +68,8 @@ pub struct Raised {
     pub(crate) hyperparameters: Hyperparameters,
     /// How likely the measurements were, as a logarithm, up to a constant.
     pub(crate) log_likelihood: f64,
-    /// How likely each touch is none, with its number.
-    pub(crate) doubts: Vec<(usize, f64)>,
+    /// What was measured, with the doubts that were found.
+    pub(crate) judged: Vec<Attractor>,
     /// The rigid offsets of groups of measurements: each with its mean and the standard deviation in its
     /// least certain direction, in metres.
     pub(crate) rigid: Vec<(Group, Vector, f64)>,
@@ -123,11 +123,7 @@ pub(crate) fn raise(
         heights_m,
         std_m: deviations_m.iter().map(|m| Calibration::FITTED.stated_m(*m)).collect(),
         residual_m: process.residual_m(measured),
-        doubts: attractors
-            .iter()
-            .filter(|a| a.sense == Sense::Touch)
-            .map(|a| (a.provenance.source, a.provenance.doubt))
-            .collect(),
+        judged: attractors,
         rigid: rigid_offsets(&process, &observations),
         process: VertexProcess::new(process, vertices, deviations_m),
         hyperparameters,

@@ -23,7 +23,7 @@ use crate::evidence::attractor::Attractor;
 use crate::evidence::ledger::Ledger;
 use crate::evidence::{Evidence, Reading, WorkFrame};
 use crate::exploration::{self, Deviations, DoubtedTouch, Proposal, ProposalRequest, Situation};
-use crate::geometry::{Connectivity, Direction, Icosphere, Point, SurfaceIndex, TriangleMesh};
+use crate::geometry::{Connectivity, Direction, Icosphere, Point, SurfaceIndex, TriangleMesh, Vector};
 use crate::local::Raised;
 use crate::template::{EllipsoidFit, SelectedFit};
 use crate::uncertainty::Reach;
@@ -136,6 +136,8 @@ impl Reconstruction {
         if let (Evidence::VisualPrior(prior), None) = (evidence, &self.estimate) {
             next.frame = WorkFrame::of(self.config.method, prior);
             next.ledger.support = self.config.support.map(|plane| next.frame.plane(&plane));
+            let up = self.config.support.map_or(Vector::z_axis(), |plane| *plane.normal());
+            next.ledger.up = next.frame.direction(&up).into_inner();
         }
         let entry = next.ledger.enter(&next.frame.enter(evidence), &next.config)?;
         let mut max_vertex_move_m = 0.0;

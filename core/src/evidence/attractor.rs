@@ -42,6 +42,8 @@ impl Attractor {
 pub struct Provenance {
     /// The number of its view among the views, or of its touch among the touches.
     pub source: usize,
+    /// Which of the points of its view it is; 0 for a touch.
+    pub index: usize,
     /// The probability that it is no point of the surface, in [0, 1].
     pub doubt: f64,
     /// Standard deviation across the approach, in metres: of where on the pad the touch was.

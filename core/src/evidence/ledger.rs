@@ -9,7 +9,7 @@ use super::{Evidence, wrench_check};
 use crate::config::Config;
 use crate::error::Error;
 use crate::fingerprint::Fingerprint;
-use crate::geometry::{Direction, Plane, Point, Pose};
+use crate::geometry::{Direction, Plane, Point, Pose, Vector};
 use crate::warning::{Warning, WarningKind};
 
 /// An attempt that did not end in a touch where the estimate expected one.
@@ -127,6 +127,8 @@ pub struct Ledger {
     pub motions: Vec<Motion>,
     /// The plane that the object stands on, where it is known.
     pub support: Option<Plane>,
+    /// The direction away from it, or that of the session's z axis where it is not known.
+    pub up: Vector,
     /// Failed attempts, in the order of their arrival.
     pub failures: Vec<Failure>,
     /// Candidates that were not tried, in the order of their arrival.
@@ -191,7 +193,9 @@ impl Ledger {
 
     /// Adds itself to a fingerprint.
     pub(crate) fn fingerprint(&self, fingerprint: &mut Fingerprint) {
-        let Self { entries, views, touches, misses, motions, support, failures, rejections, tallies } = self;
+        let Self { entries, views, touches, misses, motions, support, up, failures, rejections, tallies } =
+            self;
+        fingerprint.vector(up);
         fingerprint.count(usize::from(support.is_some()));
         if let Some(plane) = support {
             fingerprint.vector(plane.normal());

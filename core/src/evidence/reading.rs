@@ -4,6 +4,8 @@
 //! a pad touched, which touches are no touches, by how much each view is off as a whole, and whether the
 //! object moved. All else reads the ledger through this.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use super::attractor::{Attractor, Group, Provenance, Rigid, Sense};
 use super::free_space::FreeSpace;
 use super::ledger::{Ledger, Motion, Touch};
@@ -28,6 +30,8 @@ pub(crate) struct Reading {
     pub(crate) touched: TouchedPoint,
     /// The probability of each touch to be none, in [0, 1]; none of those that are not listed.
     pub(crate) doubts: Vec<f64>,
+    /// The same of what was seen, by view and point.
+    pub(crate) seen_doubts: BTreeMap<(usize, usize), f64>,
     /// What each view is to be moved by, in metres; nothing for those that are not listed.
     pub(crate) view_offsets: Vec<RigidOffset>,
     /// How the object moved, as it was reported and found, in that order of time.
@@ -42,6 +46,8 @@ pub(crate) struct Reading {
     pub(crate) motion_offset: RigidOffset,
     /// Whether rigid offsets are looked for.
     pub(crate) finds_offsets: bool,
+    /// Whether the measurements are clearly less likely without them.
+    pub(crate) needs_offsets: bool,
     /// Whether touches are doubted.
     pub(crate) doubts_touches: bool,
     /// Whether rigid offsets may be looked for, and whether centres of pressure may be taken.
@@ -70,6 +76,7 @@ impl Reading {
             if config.stages.pressure { TouchedPoint::CentreOfPressure } else { TouchedPoint::PadCentre };
         Self {
             touched,
+            finds_offsets: config.stages.offsets,
             may_find_offsets: config.stages.offsets,
             may_take_pressure: config.stages.pressure,
             doubts_touches: config.stages.doubts,
@@ -77,15 +84,12 @@ impl Reading {
         }
     }
 
-    /// Whether another touch is taken for none than in another reading.
-    pub(crate) fn doubts_others_than(&self, other: &Self) -> bool {
-        let most = self.doubts.len().max(other.doubts.len());
-        (0..most).any(|touch| (self.doubt(touch) > DOUBTED) != (other.doubt(touch) > DOUBTED))
-    }
-
-    /// Whether a touch is taken for none that another reading believes.
-    pub(crate) fn doubts_more_than(&self, other: &Self) -> bool {
-        (0..self.doubts.len()).any(|touch| self.doubt(touch) > DOUBTED && other.doubt(touch) <= DOUBTED)
+    /// What is taken for no point of the surface: touches by their number, and what was seen by view and point.
+    pub(crate) fn doubted(&self) -> BTreeSet<(Option<usize>, usize)> {
+        let touches = (0..self.doubts.len()).filter(|touch| self.doubt(*touch) > DOUBTED);
+        let seen = self.seen_doubts.iter().filter(|(_, doubt)| **doubt > DOUBTED);
+        let seen = seen.map(|(&(view, point), _)| (Some(view), point));
+        touches.map(|touch| (None, touch)).chain(seen).collect()
     }
 
     /// Adds itself to a fingerprint.
@@ -95,17 +99,24 @@ impl Reading {
             suspected,
             touched,
             doubts,
+            seen_doubts,
             view_offsets,
             motions,
             reported,
             motion_offset,
             finds_offsets,
+            needs_offsets,
             doubts_touches,
             may_find_offsets: _,
             may_take_pressure: _,
         } = self;
         fingerprint.count(*touched as usize);
         fingerprint.numbers(doubts);
+        for (&(view, point), doubt) in seen_doubts {
+            fingerprint.count(view);
+            fingerprint.count(point);
+            fingerprint.number(*doubt);
+        }
         fingerprint.count(view_offsets.len());
         for RigidOffset { mean, std_m } in view_offsets.iter().chain([motion_offset]) {
             fingerprint.vector(mean);
@@ -121,6 +132,7 @@ impl Reading {
             fingerprint.number(*std_m);
         }
         fingerprint.count(usize::from(*finds_offsets));
+        fingerprint.count(usize::from(*needs_offsets));
         fingerprint.count(usize::from(*doubts_touches));
     }
 
@@ -186,6 +198,7 @@ impl Reading {
             motions: motions.collect(),
             motion_offset: RigidOffset::default(),
             doubts: Vec::new(),
+            seen_doubts: BTreeMap::new(),
             ..self.clone()
         }
     }
@@ -227,6 +240,7 @@ impl Reading {
                 sense: Sense::Touch,
                 provenance: Provenance {
                     source: number,
+                    index: 0,
                     doubt: self.doubt(number),
                     lateral_m,
                     approach: now * touch.contact.approach().into_inner(),
@@ -249,11 +263,12 @@ impl Reading {
             let now = self.now_from_then(view.at);
             let (rigid, correction) = self.rigid(view.at, Some(number));
             let provenance = Provenance { source: number, correction, rigid, ..Provenance::default() };
-            attractors.extend(view.prior.points().iter().map(|point| Attractor {
+            let doubt = |index| self.seen_doubts.get(&(number, index)).copied().unwrap_or(0.0);
+            attractors.extend(view.prior.points().iter().enumerate().map(|(index, point)| Attractor {
                 point: now * point + correction,
                 uncertainty: view.uncertainty,
                 sense: Sense::Vision,
-                provenance,
+                provenance: Provenance { index, doubt: doubt(index), ..provenance },
             }));
         }
         attractors

@@ -137,7 +137,7 @@ impl WorkFrame {
         }
     }
 
-    fn direction(&self, in_base: &Direction) -> Direction {
+    pub(crate) fn direction(&self, in_base: &Direction) -> Direction {
         match self {
             Self::Session => *in_base,
             Self::View { .. } => {

@@ -1,6 +1,7 @@
-//! Which touches are none: a contact in the air, one that slid or touched twice, or one reported wrongly.
+//! Which measurements are none of the surface: a contact in the air, one that slid or touched twice, one reported
+//! wrongly, or a pixel between an edge and what is behind it.
 //!
-//! Each touch is compared with what all others expect there (leave-one-out). Its likelihood is heavy-tailed, a
+//! Each is compared with what all others expect there (leave-one-out). Its likelihood is heavy-tailed, a
 //! mixture of what the process foresees and of anything within the reach of an approach:
 //!
 //! ```text
@@ -47,7 +48,7 @@ pub(super) fn found(problem: &Problem<'_>, observations: &mut [Observation]) -> 
     for _ in 0..ROUNDS {
         let problem = Problem { attractors: &attractors, ..*problem };
         let process = problem.with_default_noise(observations);
-        let doubts = of_touches(&process, observations, &attractors);
+        let doubts = of_attractors(&process, observations, &attractors);
         let mut change = 0.0_f64;
         for (attractor, doubt) in attractors.iter_mut().zip(doubts) {
             change = change.max((attractor.provenance.doubt - doubt).abs());
@@ -66,69 +67,120 @@ pub(super) fn found(problem: &Problem<'_>, observations: &mut [Observation]) -> 
     attractors
 }
 
-/// The doubt of each attractor; none of what was seen.
-fn of_touches(process: &Displacement, observations: &[Observation], attractors: &[Attractor]) -> Vec<f64> {
-    let left_out = process.left_out(observations);
-    let compared: Vec<Option<(f64, f64)>> = attractors
-        .iter()
-        .zip(observations)
-        .zip(left_out)
-        .map(|((attractor, observation), (residual_m, variance_m2))| {
+/// The doubt of each attractor.
+fn of_attractors(process: &Displacement, observations: &[Observation], attractors: &[Attractor]) -> Vec<f64> {
+    let implied: Vec<Vec<usize>> =
+        attractors.iter().map(|attractor| implied_by(attractor, attractors)).collect();
+    let groups: Vec<Vec<usize>> =
+        implied.iter().enumerate().map(|(own, implied)| [&[own], &implied[..]].concat()).collect();
+    // The residual of each, and the standard deviation of what is expected there, in metres.
+    let expected: Vec<(f64, f64)> = process
+        .left_out(observations, &groups)
+        .into_iter()
+        .zip(attractors.iter().zip(observations))
+        .map(|(left_out, (attractor, observation))| {
             let noise_m = nominal_m(&Noise::default(), attractor, observation);
-            (attractor.sense == Sense::Touch).then_some((residual_m, variance_m2.sqrt().hypot(noise_m)))
+            (left_out.residuals_m[0], left_out.variances_m2[(0, 0)].sqrt().hypot(noise_m))
         })
         .collect();
-    // Where half of all touches are off by more than they should, the pad is worse than expected.
-    let mut ratios: Vec<f64> = compared.iter().flatten().map(|(r, std_m)| r.abs() / std_m).collect();
-    ratios.sort_by(f64::total_cmp);
-    let scale = (NORMAL_MEDIAN * ratios[ratios.len() / 2]).max(LEAST_SCALE);
-    let doubted: f64 = attractors.iter().map(|a| a.provenance.doubt).sum();
-    let false_share = (FALSE_BEFORE + doubted) / (TOUCHES_BEFORE + ratios.len() as f64);
-    let doubts = compared.into_iter().zip(attractors).map(|(compared, attractor)| match compared {
-        Some((residual_m, std_m)) if !is_confirmed(attractor, attractors) => {
-            doubt(residual_m, (scale * std_m).max(LEAST_M), false_share)
-        }
+    let senses = [Sense::Touch, Sense::Vision].map(|sense| Believed::of(sense, &expected, attractors));
+    let doubt = |((residual_m, std_m), attractor): (&(f64, f64), &Attractor)| match senses
+        .iter()
+        .flatten()
+        .find(|believed| believed.sense == attractor.sense)
+    {
+        Some(believed) if !is_confirmed(attractor, attractors) => believed.doubt(*residual_m, *std_m),
         _ => 0.0,
-    });
-    doubts.collect()
+    };
+    let mut doubts: Vec<f64> = expected.iter().zip(attractors).map(doubt).collect();
+    // What a normal implies is as doubtful as its touch.
+    for (own, implied) in implied.iter().enumerate() {
+        implied.iter().for_each(|&tangent| doubts[tangent] = doubts[own]);
+    }
+    doubts
+}
+
+/// What the measured normal of a touch adds: it is left out together with it.
+fn implied_by(touch: &Attractor, attractors: &[Attractor]) -> Vec<usize> {
+    let is_implied = |other: &Attractor| {
+        let is_touch = touch.sense == Sense::Touch && other.sense == Sense::Tangent;
+        is_touch && other.provenance.source == touch.provenance.source
+    };
+    (0..attractors.len()).filter(|&other| is_implied(&attractors[other])).collect()
 }
 
 /// Whether another touch is at the same place.
-fn is_confirmed(touch: &Attractor, attractors: &[Attractor]) -> bool {
+fn is_confirmed(attractor: &Attractor, attractors: &[Attractor]) -> bool {
+    let is_another = |other: &Attractor| {
+        attractor.sense != other.sense || attractor.provenance.source != other.provenance.source
+    };
     attractors.iter().any(|other| {
         other.sense == Sense::Touch
-            && other.provenance.source != touch.provenance.source
-            && (other.point - touch.point).norm() < CONFIRMED_M
+            && is_another(other)
+            && (other.point - attractor.point).norm() < CONFIRMED_M
     })
 }
 
-fn doubt(residual_m: f64, std_m: f64, false_share: f64) -> f64 {
-    let foreseen = (-0.5 * (residual_m / std_m).powi(2)).exp() / (std_m * std::f64::consts::TAU.sqrt());
-    // What lies deeper than foreseen was reached through space that was free.
-    let share = false_share * if residual_m < 0.0 { DEEPER } else { 1.0 };
-    let (believed, doubted) = ((1.0 - share) * foreseen, share / ANYWHERE_M);
-    doubted / (believed + doubted)
+/// What is believed of a sense.
+struct Believed {
+    sense: Sense,
+    /// How much worse it is than expected: half of all that it measured is off by less.
+    scale: f64,
+    /// The share of what it measured that is no point of the surface.
+    false_share: f64,
+}
+
+impl Believed {
+    /// What all residuals and the deviations expected of them say of a sense; nothing of one that measured nothing.
+    fn of(sense: Sense, expected: &[(f64, f64)], attractors: &[Attractor]) -> Option<Self> {
+        let measured = || expected.iter().zip(attractors).filter(|(_, a)| a.sense == sense);
+        let mut ratios: Vec<f64> = measured().map(|((r, std_m), _)| r.abs() / std_m).collect();
+        ratios.sort_by(f64::total_cmp);
+        let scale = (NORMAL_MEDIAN * ratios.get(ratios.len() / 2)?).max(LEAST_SCALE);
+        let doubted: f64 = measured().map(|(_, a)| a.provenance.doubt).sum();
+        let false_share = (FALSE_BEFORE + doubted) / (TOUCHES_BEFORE + ratios.len() as f64);
+        Some(Self { sense, scale, false_share })
+    }
+
+    /// The probability that what was measured so far from where it was expected is no point of the surface.
+    fn doubt(&self, residual_m: f64, std_m: f64) -> f64 {
+        let std_m = (self.scale * std_m).max(LEAST_M);
+        let foreseen = (-0.5 * (residual_m / std_m).powi(2)).exp() / (std_m * std::f64::consts::TAU.sqrt());
+        // What a touch reached deeper than foreseen lies behind space that was free, and what was seen there
+        // does not.
+        let is_deeper = self.sense == Sense::Touch && residual_m < 0.0;
+        let share = self.false_share * if is_deeper { DEEPER } else { 1.0 };
+        let (believed, doubted) = ((1.0 - share) * foreseen, share / ANYWHERE_M);
+        doubted / (believed + doubted)
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    /// Touches of which one in a hundred is false.
+    const TOUCHES: Believed = Believed { sense: Sense::Touch, scale: 1.0, false_share: 0.01 };
+
+    fn doubt(residual_m: f64, std_m: f64) -> f64 {
+        TOUCHES.doubt(residual_m, std_m)
+    }
+
     #[test]
     fn what_is_foreseen_is_believed_and_what_is_far_off_is_doubted() {
-        assert!(doubt(0.001, 0.0015, 0.01) < 0.01);
-        assert!(doubt(0.008, 0.0015, 0.01) > 0.99);
+        assert!(doubt(0.001, 0.0015) < 0.01);
+        assert!(doubt(0.008, 0.0015) > 0.99);
         // Where little is known a large error is no surprise.
-        assert!(doubt(0.008, 0.008, 0.01) < 0.05);
+        assert!(doubt(0.008, 0.008) < 0.05);
         // Nor is one that goes deeper as doubtful as one in the air.
-        assert!(doubt(-0.006, 0.002, 0.01) < doubt(0.006, 0.002, 0.01));
+        assert!(doubt(-0.006, 0.002) < doubt(0.006, 0.002));
     }
 
     #[test]
     fn doubt_grows_with_the_error_and_falls_with_what_was_unknown() {
-        let errors = [0.0, 0.002, 0.004, 0.006, 0.01].map(|residual_m| doubt(residual_m, 0.002, 0.01));
+        let errors = [0.0, 0.002, 0.004, 0.006, 0.01].map(|residual_m| doubt(residual_m, 0.002));
         assert!(errors.windows(2).all(|pair| pair[1] > pair[0]), "{errors:?}");
-        let known = [0.002, 0.004, 0.008].map(|std_m| doubt(0.01, std_m, 0.01));
+        let known = [0.002, 0.004, 0.008].map(|std_m| doubt(0.01, std_m));
         assert!(known.windows(2).all(|pair| pair[1] < pair[0]), "{known:?}");
     }
 }

@@ -10,7 +10,7 @@ use faer::linalg::solvers::Solve;
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Col, Mat, Par, Scale, Side};
 
-use nalgebra::Matrix3;
+use nalgebra::{DMatrix, DVector, Matrix3};
 
 use super::kernel::add_covariances;
 use crate::evidence::attractor::Rigid;
@@ -52,6 +52,15 @@ impl Observation {
         };
         self.rigid.iter().zip(&other.rigid).map(shared).sum()
     }
+}
+
+/// What other measurements say of a group of them.
+#[derive(Clone, Debug)]
+pub struct LeftOut {
+    /// How far each lies from what the others expect, in metres.
+    pub residuals_m: DVector<f64>,
+    /// The covariances of what they expect, without the measurements' own noise, in square metres.
+    pub variances_m2: DMatrix<f64>,
 }
 
 /// What is expected of a displacement before any measurement.
@@ -225,14 +234,26 @@ impl Displacement {
         measurements.map(share).collect()
     }
 
-    /// For each measurement what the others say of it: how far it lies from what they expect, in metres, and
-    /// the variance of their expectation without the measurement's own noise, in square metres.
-    pub fn left_out(&self, observations: &[Observation]) -> Vec<(f64, f64)> {
-        let measurements = observations.iter().zip(&self.weights).zip(self.precisions());
-        let left_out = |((o, weight), precision): ((&Observation, &f64), f64)| {
-            (weight / precision, (1.0 / precision - self.noise_variance(o)).max(0.0))
+    /// For each group of measurements what all others say of it.
+    pub fn left_out(&self, observations: &[Observation], groups: &[Vec<usize>]) -> Vec<LeftOut> {
+        let inverse = self.inverse_factor();
+        let precision = |a: usize, b: usize| inverse.col(a).transpose() * inverse.col(b);
+        let of_group = |group: &Vec<usize>| {
+            let among = |i: usize, j: usize| precision(group[i], group[j]);
+            let precisions = DMatrix::from_fn(group.len(), group.len(), among);
+            let mut variances_m2 = precisions.try_inverse()?;
+            let residuals_m = &variances_m2 * DVector::from_fn(group.len(), |i, _| self.weights[group[i]]);
+            for (i, &member) in group.iter().enumerate() {
+                let own_m2 = self.noise_variance(&observations[member]);
+                variances_m2[(i, i)] = (variances_m2[(i, i)] - own_m2).max(0.0);
+            }
+            Some(LeftOut { residuals_m, variances_m2 })
         };
-        measurements.map(left_out).collect()
+        let nothing = |group: &Vec<usize>| LeftOut {
+            residuals_m: DVector::zeros(group.len()),
+            variances_m2: DMatrix::identity(group.len(), group.len()) * self.prior.amplitude_m.powi(2),
+        };
+        groups.iter().map(|group| of_group(group).unwrap_or_else(|| nothing(group))).collect()
     }
 
     /// What a group of measurements is off by as a whole, in metres, and the standard deviation in its least
@@ -260,10 +281,16 @@ impl Displacement {
 
     /// The diagonal of `K⁻¹`.
     fn precisions(&self) -> Vec<f64> {
+        let inverse = self.inverse_factor();
+        (0..self.weights.len()).map(|column| inverse.col(column).squared_norm_l2()).collect()
+    }
+
+    /// `L⁻¹`, where `K = L Lᵀ`: the products of its columns are `K⁻¹`.
+    fn inverse_factor(&self) -> Mat<f64> {
         let count = self.weights.len();
         let mut inverse = Mat::<f64>::identity(count, count);
         solve_lower_triangular_in_place(self.factor.as_ref(), inverse.as_mut(), Par::Seq);
-        (0..count).map(|column| inverse.col(column).squared_norm_l2()).collect()
+        inverse
     }
 
     /// The variance of a measurement, jitter included, in square metres.

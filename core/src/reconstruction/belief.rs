@@ -1,6 +1,6 @@
 //! What a fit of METHOD_PALPATE makes of its evidence: the reading that the next one goes on from.
 
-use crate::evidence::attractor::Group;
+use crate::evidence::attractor::{Attractor, Group, Provenance, Sense};
 use crate::evidence::ledger::{Ledger, Touch};
 use crate::evidence::{DOUBTED, Reading, RigidOffset, TouchedPoint};
 use crate::exploration::DoubtedTouch;
@@ -11,9 +11,19 @@ use crate::local::Raised;
 pub(super) fn learnt(reading: &Reading, raised: &Raised) -> Reading {
     let mut next = reading.clone();
     if reading.doubts_touches {
-        for &(touch, doubt) in &raised.doubts {
-            next.doubts.resize(next.doubts.len().max(touch + 1), 0.0);
-            next.doubts[touch] = doubt;
+        next.seen_doubts.clear();
+        for Attractor { sense, provenance, .. } in &raised.judged {
+            let Provenance { source, index, doubt, .. } = *provenance;
+            match sense {
+                Sense::Touch => {
+                    next.doubts.resize(next.doubts.len().max(source + 1), 0.0);
+                    next.doubts[source] = doubt;
+                }
+                Sense::Vision if doubt > 0.0 => {
+                    next.seen_doubts.insert((source, index), doubt);
+                }
+                Sense::Vision | Sense::Tangent | Sense::Support => {}
+            }
         }
     }
     next.view_offsets.clear();
@@ -45,7 +55,12 @@ pub(super) fn alternatives(reading: &Reading, ledger: &Ledger) -> Vec<Reading> {
     let mut others = Vec::new();
     if reading.may_find_offsets {
         let found = !reading.finds_offsets;
-        others.push(Reading { finds_offsets: found, view_offsets: Vec::new(), ..reading.clone() });
+        others.push(Reading {
+            finds_offsets: found,
+            needs_offsets: found,
+            view_offsets: Vec::new(),
+            ..reading.clone()
+        });
     }
     let is_open = |touch: &Touch| {
         touch.contact.pad().touched() == TouchedPoint::Open

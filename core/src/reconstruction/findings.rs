@@ -5,9 +5,13 @@ use crate::evidence::TouchedPoint;
 use crate::geometry::{Point, Vector};
 use crate::warning::{Warning, WarningKind};
 
+/// A touch that is doubted by less is not warned about: an odd shape is doubted, too.
+const DOUBT_TO_WARN: f64 = 0.95;
 /// A rigid offset of a view below this is what calibrations leave, in metres, as is one below so many of its
 /// deviations.
 const OFFSET_M: f64 = 0.004;
+/// Before so many touches an odd shape looks like an offset.
+const TOUCHES_FOR_OFFSET: usize = 20;
 const OFFSET_DEVIATIONS: f64 = 2.0;
 
 /// What was found out about the evidence.
@@ -15,6 +19,8 @@ const OFFSET_DEVIATIONS: f64 = 2.0;
 pub struct Findings {
     /// The touches that contradict what else is known.
     pub doubted: Vec<FoundDoubt>,
+    /// How many points of the views contradict what else is known, of those that were fitted.
+    pub doubted_points: usize,
     /// How each view is off as a whole, for those that are.
     pub offsets: Vec<FoundOffset>,
     /// How the object moved.
@@ -43,6 +49,8 @@ pub struct FoundOffset {
     pub translation_m: Vector,
     /// Standard deviation in the least certain direction, in metres.
     pub std_m: f64,
+    /// Whether there are many touches, and the measurements are clearly less likely without it.
+    pub is_needed: bool,
 }
 
 /// A motion of the object.
@@ -77,6 +85,7 @@ impl Reconstruction {
             at: view.at,
             translation_m: frame.vector_in_base(&offset.mean),
             std_m: offset.std_m,
+            is_needed: reading.needs_offsets && ledger.touches.len() >= TOUCHES_FOR_OFFSET,
         });
         let followed = reading.motions.last().map(|motion| (motion, true));
         let suspected = reading.suspected.as_ref().map(|motion| (motion, false));
@@ -97,7 +106,12 @@ impl Reconstruction {
                 is_found: motion.is_found,
             }
         });
-        Findings { doubted: doubted.collect(), offsets: offsets.collect(), motion }
+        Findings {
+            doubted: doubted.collect(),
+            doubted_points: reading.seen_doubts.len(),
+            offsets: offsets.collect(),
+            motion,
+        }
     }
 
     /// The points that were taken as touched in the latest piece of evidence, in metres, and how they were
@@ -115,11 +129,11 @@ impl Reconstruction {
 impl Findings {
     /// What is new since others, in words for the caller.
     pub(super) fn warnings_since(&self, before: &Self) -> Vec<Warning> {
-        let doubts = self
-            .doubted
-            .iter()
-            .filter(|doubt| doubt.is_settled)
-            .filter(|doubt| !before.doubted.iter().any(|other| other.at == doubt.at && other.is_settled));
+        let is_to_be_told = |doubt: &&FoundDoubt| doubt.is_settled && doubt.doubt > DOUBT_TO_WARN;
+        let doubts =
+            self.doubted.iter().filter(is_to_be_told).filter(|doubt| {
+                !before.doubted.iter().filter(is_to_be_told).any(|other| other.at == doubt.at)
+            });
         let doubts = doubts.map(|doubt| {
             let FoundDoubt { at, point, doubt, .. } = *doubt;
             let message = format!(
@@ -134,7 +148,7 @@ impl Findings {
         });
         let is_off = |offset: &&FoundOffset| {
             let length_m = offset.translation_m.norm();
-            length_m > OFFSET_M && length_m > OFFSET_DEVIATIONS * offset.std_m
+            offset.is_needed && length_m > OFFSET_M && length_m > OFFSET_DEVIATIONS * offset.std_m
         };
         let offsets = self
             .offsets

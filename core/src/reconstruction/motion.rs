@@ -7,6 +7,8 @@
 //!      --> another reading, kept where the measurements are clearly the more likely under it
 //! ```
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Matrix3, Vector3};
 
 use crate::evidence::attractor::Sense;
@@ -22,8 +24,11 @@ const SETTLED_AFTER: usize = 24;
 const SURPRISES: usize = 3;
 /// Fewer pieces of evidence show too little to move.
 const LEAST_KNOWN: usize = 11;
-/// An object is pushed by about this, in metres, and by at least the second to matter.
+/// An object is pushed by about this along what it stands on, in metres, and up or down by the second: what is
+/// known of an upright body from its sides alone fits at any height.
 const PUSH_M: f64 = 0.015;
+const LIFT_M: f64 = 0.003;
+/// By less it does not matter, in metres.
 const LEAST_M: f64 = 0.005;
 /// Farther off nothing can be laid onto anything with certainty, in metres.
 const FARTHEST_M: f64 = 0.045;
@@ -52,6 +57,29 @@ pub(super) struct Known<'a> {
 struct Since {
     touches: Vec<Point>,
     free: Vec<Point>,
+    /// The inverse of the covariance of the motion before it is known, per square metre.
+    precision: Matrix3<f64>,
+}
+
+/// The inverse of the covariance of a motion before it is known, per square metre.
+fn precision(ledger: &Ledger) -> Matrix3<f64> {
+    let along = PUSH_M.powi(-2);
+    Matrix3::identity() * along + ledger.up * ledger.up.transpose() * (LIFT_M.powi(-2) - along)
+}
+
+/// The same motion along what the object stands on, where it also goes up or down.
+pub(super) fn level(motion: &Motion, ledger: &Ledger) -> Option<Motion> {
+    let shift = motion.new_from_old.translation.vector;
+    let lift_m = shift.dot(&ledger.up);
+    let level = shift - ledger.up * lift_m;
+    let new_from_old = Pose::from_parts(level.into(), nalgebra::one());
+    (lift_m.abs() > LEAST_M && level.norm() > LEAST_M).then_some(Motion { new_from_old, ..*motion })
+}
+
+/// How unlikely a motion is before anything speaks for it, in nats.
+pub(super) fn cost(motion: &Motion, ledger: &Ledger) -> f64 {
+    let shift = motion.new_from_old.translation.vector;
+    0.5 * shift.dot(&(precision(ledger) * shift))
 }
 
 /// The reading without a motion that was found so lately that it may be found better, or not at all.
@@ -60,7 +88,12 @@ pub(super) fn without_latest(reading: &Reading, ledger: &Ledger) -> Option<Readi
     let without = || {
         let mut reading = reading.clone();
         reading.motions.pop();
-        Reading { motion_offset: RigidOffset::default(), doubts: Vec::new(), ..reading }
+        Reading {
+            motion_offset: RigidOffset::default(),
+            doubts: Vec::new(),
+            seen_doubts: BTreeMap::new(),
+            ..reading
+        }
     };
     (ledger.entries < latest.since + SETTLED_AFTER).then(without)
 }
@@ -137,12 +170,12 @@ pub(super) fn found(
 impl Since {
     fn of(reading: &Reading, ledger: &Ledger, since: usize) -> Self {
         let after = ledger.since(since);
-        let believing = Reading { doubts: Vec::new(), ..reading.clone() };
+        let believing = Reading { doubts: Vec::new(), seen_doubts: BTreeMap::new(), ..reading.clone() };
         let attractors = believing.attractors(&after, 0.0);
         let touches = attractors.iter().filter(|a| a.sense == Sense::Touch).map(|a| a.point).collect();
         let mut space = FreeSpace::default();
         after.misses.iter().for_each(|(_, sweep)| space.add_miss(sweep));
-        Self { touches, free: space.outside().to_vec() }
+        Self { touches, free: space.outside().to_vec(), precision: precision(ledger) }
     }
 
     /// Each measurement's residual in deviations with its slope, where the object has moved by `shift`.
@@ -171,15 +204,15 @@ impl Since {
     fn cost(&self, known: &Known<'_>, shift: &Vector) -> f64 {
         let loss = |residual: f64| 0.5 * ROBUST.powi(2) * (residual / ROBUST).powi(2).ln_1p();
         let data: f64 = self.residuals(known, shift).map(|(residual, _)| loss(residual)).sum();
-        data + 0.5 * shift.norm_squared() / PUSH_M.powi(2)
+        data + 0.5 * shift.dot(&(self.precision * shift))
     }
 
     /// Gauss-Newton with Cauchy's weights from a start.
     fn descend(&self, known: &Known<'_>, start: Vector) -> (Vector, f64) {
         let mut best = (start, self.cost(known, &start));
         for _ in 0..STEPS {
-            let mut hessian = Matrix3::identity() / PUSH_M.powi(2);
-            let mut gradient: Vector3<f64> = best.0 / PUSH_M.powi(2);
+            let mut hessian = self.precision;
+            let mut gradient: Vector3<f64> = self.precision * best.0;
             for (residual, slope) in self.residuals(known, &best.0) {
                 let weight = 1.0 / (1.0 + (residual / ROBUST).powi(2));
                 hessian += slope * slope.transpose() * weight;

@@ -23,34 +23,18 @@ pub(super) fn estimate(
     // What was told is read as it was believed after the last fit, and in some fits otherwise, too: the
     // reading under which the measurements are the most likely is kept.
     let reading = before.map_or_else(|| Reading::first(config), |before| before.reading.told(ledger));
-    let mut best = scene.settled(&reading);
-    if scene.extras.readings {
-        for other in belief::alternatives(&best.reading, ledger) {
-            let other = scene.settled(&scene.settled(&other).reading);
-            if let Some(better) = scene.better(&best, other, CLEARLY) {
-                best = better;
-            }
-        }
-    }
-    for (moved, margin) in scene.moved(&best) {
-        let motions = best.reading.motions.len();
-        let found = scene.better(&best, moved, margin);
-        best = match found {
-            Some(found) if config.follows_motion || found.reading.motions.len() <= motions => found,
-            Some(found) => {
-                best.reading.suspected = found.reading.motions.last().copied();
-                best
-            }
-            None => best,
-        };
-    }
+    let best = scene.settled(&reading);
+    let best = scene.otherwise_read(best);
+    let best = scene.followed(best);
     best.estimate(number, ledger.support.as_ref(), config, sphere)
 }
 
 /// Another reading has to be this much more likely, in nats: a Bayes factor of 20.
 const CLEARLY: f64 = 3.0;
+/// A camera that agrees with the robot's base is the simpler reading, and has to be more likely by less.
+const VANISHING: f64 = 1.5;
 /// And that of an object that has moved by this much: it is rare, and a better template looks like it.
-const MOVED_CLEARLY: f64 = 30.0;
+const MOVED_CLEARLY: f64 = 15.0;
 
 /// What a fit starts from, and what it is made of.
 #[derive(Clone, Copy)]
@@ -90,16 +74,56 @@ impl Scene<'_> {
     /// leave a surface under which the measurements are clearly less likely are dropped.
     fn settled(&self, reading: &Reading) -> Fitted {
         let fitted = self.fit(reading);
-        if !fitted.reading.doubts_others_than(reading) {
+        let (before, after) = (reading.doubted(), fitted.reading.doubted());
+        if after == before {
             return fitted;
         }
         let doubting = self.fit(&fitted.reading);
-        let only_believes_more = !fitted.reading.doubts_more_than(reading);
+        let only_believes_more = after.is_subset(&before);
         if only_believes_more || doubting.log_likelihood() > fitted.log_likelihood() - CLEARLY {
             return doubting;
         }
-        let reading = Reading { doubts: reading.doubts.clone(), ..fitted.reading };
+        let (doubts, seen_doubts) = (reading.doubts.clone(), reading.seen_doubts.clone());
+        let reading = Reading { doubts, seen_doubts, ..fitted.reading };
         Fitted { reading, ..fitted }
+    }
+
+    /// The fit with its pads or cameras read otherwise where that is the more likely.
+    fn otherwise_read(&self, mut best: Fitted) -> Fitted {
+        let others = belief::alternatives(&best.reading, self.ledger);
+        for other in others.into_iter().filter(|_| self.extras.readings) {
+            let other = self.settled(&self.settled(&other).reading);
+            let offsets_vanish = best.reading.finds_offsets && !other.reading.finds_offsets;
+            let margin = if offsets_vanish { VANISHING } else { CLEARLY };
+            let is_needed = other.log_likelihood() < best.log_likelihood() - CLEARLY;
+            let better = self.better(&best, other, margin);
+            if offsets_vanish {
+                best.reading.needs_offsets = is_needed;
+            }
+            best = better.unwrap_or(best);
+        }
+        best
+    }
+
+    /// The fit of an object that has moved, where that is the more likely; a motion that is not to be followed is
+    /// only noted.
+    fn followed(&self, mut best: Fitted) -> Fitted {
+        for (moved, margin) in self.moved(&best) {
+            let motions = best.reading.motions.len();
+            let Some(found) = self.better(&best, moved, margin) else { continue };
+            // It was tried with templates from new starts: what is believed so far is given them, too.
+            let stayed = self.afresh(&best.reading);
+            if found.log_likelihood() > stayed.log_likelihood() + CLEARLY {
+                if self.config.follows_motion || found.reading.motions.len() <= motions {
+                    best = found;
+                } else {
+                    best.reading.suspected = found.reading.motions.last().copied();
+                }
+            } else if stayed.log_likelihood() > best.log_likelihood() + CLEARLY {
+                best = stayed;
+            }
+        }
+        best
     }
 
     /// The fit of another reading where that is clearly the more likely, and not by its template alone: a fit
@@ -125,21 +149,26 @@ impl Scene<'_> {
         let since = motion::suspected_since(reading, ledger, extras.readings);
         let Some(first) = since.first() else { return Vec::new() };
         let earlier = ledger.until(*first);
-        let fresh = Self { start: None, extras: Extras::of_fit(1), ..*self };
-        let known = Scene { ledger: &earlier, ..fresh }.fit(reading);
+        let known = Scene { ledger: &earlier, start: None, extras: Extras::of_fit(1), ..*self }.fit(reading);
         let mesh = known.surface.raised(&known.raised.heights_m);
         let normals = mesh.vertex_normals();
         let known = motion::Known { vertices: &mesh.vertices, normals: &normals, std_m: &known.raised.std_m };
-        let found = motion::found(reading, ledger, &known, &since).map(|motion| reading.moved(motion));
-        // The second fit of a session tries another part, too.
-        let fitted = |reading: Reading| {
-            let first = fresh.settled(&reading);
-            let second = Scene { start: Some(first.start()), extras: Extras::of_fit(2), ..*self };
-            second.settled(&first.reading)
-        };
-        let margin =
+        let found = motion::found(reading, ledger, &known, &since);
+        let level = found.as_ref().and_then(|motion| motion::level(motion, ledger));
+        let is_new =
             if revised.is_some() { CLEARLY } else { MOVED_CLEARLY * (1 + reading.motions.len()) as f64 };
-        found.into_iter().chain(revised.clone()).map(|reading| (fitted(reading), margin)).collect()
+        let moved = level.into_iter().chain(found).map(|motion| {
+            let cost = motion::cost(&motion, ledger);
+            (self.afresh(&reading.moved(motion)), is_new + cost)
+        });
+        moved.chain(revised.iter().map(|reading| (self.afresh(reading), CLEARLY))).collect()
+    }
+
+    /// The first two fits of a session that begins with all of the evidence: the second tries another part, too.
+    fn afresh(&self, reading: &Reading) -> Fitted {
+        let first = Self { start: None, extras: Extras::of_fit(1), ..*self }.settled(reading);
+        let second = Scene { start: Some(first.start()), extras: Extras::of_fit(2), ..*self };
+        second.settled(&first.reading)
     }
 
     /// Sections III-D and III-E for one reading of the evidence.

@@ -156,7 +156,8 @@ fn a_finer_mesh_gives_the_same_template() {
         let fold = |state: Reconstruction, evidence: &Evidence| state.absorb(evidence).unwrap().0;
         let fine = log.iter().fold(Reconstruction::new(fine), fold);
         let centre = |state: &Reconstruction| state.template_centre().unwrap();
-        assert_eq!(centre(&coarse), centre(&fine));
+        // An offset of the view is estimated on the mesh, and the template follows it.
+        assert!((centre(&coarse) - centre(&fine)).norm() < 1e-4, "{} {}", centre(&coarse), centre(&fine));
         let (coarse_u, fine_u) = (coarse.stats().mean_uncertainty, fine.stats().mean_uncertainty);
         assert!((coarse_u - fine_u).abs() < 0.03, "{coarse_u} {fine_u}");
     }

@@ -27,13 +27,17 @@ pub(crate) struct Robot {
 impl Robot {
     /// A session that was shown the object, off by `shift`.
     pub(crate) fn begin(object: Object, settings: Settings, shift: Vector) -> Self {
-        let state = Reconstruction::new(Config::new(settings).unwrap());
-        let pad = Pad::new(HALF_SIDE_M).unwrap();
-        let mut robot = Self { object, state, log: Vec::new(), pad };
-        let seen = robot.object.prior();
+        let seen = object.prior();
         let points = seen.points().iter().map(|point| point + shift).collect();
         let viewpoint = seen.viewpoint().map(|viewpoint| viewpoint + shift);
-        robot.tell(Evidence::VisualPrior(VisualPrior::new(points, None, viewpoint).unwrap()));
+        Self::shown(object, settings, VisualPrior::new(points, None, viewpoint).unwrap())
+    }
+
+    /// A session that was shown this of the object.
+    pub(crate) fn shown(object: Object, settings: Settings, seen: VisualPrior) -> Self {
+        let state = Reconstruction::new(Config::new(settings).unwrap());
+        let mut robot = Self { object, state, log: Vec::new(), pad: Pad::new(HALF_SIDE_M).unwrap() };
+        robot.tell(Evidence::VisualPrior(seen));
         robot
     }
 

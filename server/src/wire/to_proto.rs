@@ -319,6 +319,7 @@ pub(crate) fn stats(snapshot: &Snapshot) -> v1::SessionStats {
         attempts,
         consecutive_failures,
         doubted_seqs: findings.doubted.iter().map(|found| snapshot.seq_of(found.at)).collect(),
+        doubted_points: findings.doubted_points as u32,
         camera_offsets: findings
             .offsets
             .iter()
