@@ -78,9 +78,9 @@ fn of_attractors(process: &Displacement, observations: &[Observation], attractor
         .left_out(observations, &groups)
         .into_iter()
         .zip(attractors.iter().zip(observations))
-        .map(|(left_out, (attractor, observation))| {
+        .map(|((residual_m, variance_m2), (attractor, observation))| {
             let noise_m = nominal_m(&Noise::default(), attractor, observation);
-            (left_out.residuals_m[0], left_out.variances_m2[(0, 0)].sqrt().hypot(noise_m))
+            (residual_m, variance_m2.sqrt().hypot(noise_m))
         })
         .collect();
     let senses = [Sense::Touch, Sense::Vision].map(|sense| Believed::of(sense, &expected, attractors));

@@ -54,15 +54,6 @@ impl Observation {
     }
 }
 
-/// What other measurements say of a group of them.
-#[derive(Clone, Debug)]
-pub struct LeftOut {
-    /// How far each lies from what the others expect, in metres.
-    pub residuals_m: DVector<f64>,
-    /// The covariances of what they expect, without the measurements' own noise, in square metres.
-    pub variances_m2: DMatrix<f64>,
-}
-
 /// What is expected of a displacement before any measurement.
 #[derive(Clone, Copy, Debug)]
 pub struct Prior {
@@ -234,26 +225,22 @@ impl Displacement {
         measurements.map(share).collect()
     }
 
-    /// For each group of measurements what all others say of it.
-    pub fn left_out(&self, observations: &[Observation], groups: &[Vec<usize>]) -> Vec<LeftOut> {
+    /// For the first measurement of each group what all outside of the group say of it: how far it lies from what
+    /// they expect, in metres, and the variance of their expectation without the measurement's own noise, in square
+    /// metres.
+    pub fn left_out(&self, observations: &[Observation], groups: &[Vec<usize>]) -> Vec<(f64, f64)> {
         let inverse = self.inverse_factor();
         let precision = |a: usize, b: usize| inverse.col(a).transpose() * inverse.col(b);
-        let of_group = |group: &Vec<usize>| {
+        let of_first = |group: &Vec<usize>| {
             let among = |i: usize, j: usize| precision(group[i], group[j]);
-            let precisions = DMatrix::from_fn(group.len(), group.len(), among);
-            let mut variances_m2 = precisions.try_inverse()?;
-            let residuals_m = &variances_m2 * DVector::from_fn(group.len(), |i, _| self.weights[group[i]]);
-            for (i, &member) in group.iter().enumerate() {
-                let own_m2 = self.noise_variance(&observations[member]);
-                variances_m2[(i, i)] = (variances_m2[(i, i)] - own_m2).max(0.0);
-            }
-            Some(LeftOut { residuals_m, variances_m2 })
+            let covariances = DMatrix::from_fn(group.len(), group.len(), among).try_inverse()?;
+            let weights = DVector::from_fn(group.len(), |i, _| self.weights[group[i]]);
+            let own = self.noise_variance(&observations[group[0]]);
+            Some(((&covariances * weights)[0], (covariances[(0, 0)] - own).max(0.0)))
         };
-        let nothing = |group: &Vec<usize>| LeftOut {
-            residuals_m: DVector::zeros(group.len()),
-            variances_m2: DMatrix::identity(group.len(), group.len()) * self.prior.amplitude_m.powi(2),
-        };
-        groups.iter().map(|group| of_group(group).unwrap_or_else(|| nothing(group))).collect()
+        // Where nothing is left to compare with, nothing is expected.
+        let nothing = (0.0, self.prior.amplitude_m.powi(2));
+        groups.iter().map(|group| of_first(group).unwrap_or(nothing)).collect()
     }
 
     /// What a group of measurements is off by as a whole, in metres, and the standard deviation in its least
