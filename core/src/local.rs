@@ -21,9 +21,9 @@ use std::collections::BTreeMap;
 pub(crate) use self::hyperparameters::Hyperparameters;
 use self::process::{Displacement, Observation};
 use crate::config::Config;
-use crate::evidence::FitEvidence;
 use crate::evidence::attractor::{Attractor, Group, Provenance, Rigid};
-use crate::geometry::{Point, SurfacePoint, Vector};
+use crate::evidence::{FitEvidence, RigidOffset};
+use crate::geometry::{Point, SurfacePoint};
 use crate::schedule::Extras;
 use crate::template::{Compound, TemplateSurface};
 
@@ -70,9 +70,8 @@ pub struct Raised {
     pub(crate) log_likelihood: f64,
     /// What was measured, with the doubts that were found.
     pub(crate) judged: Vec<Attractor>,
-    /// The rigid offsets of groups of measurements: each with its mean and the standard deviation in its
-    /// least certain direction, in metres.
-    pub(crate) rigid: Vec<(Group, Vector, f64)>,
+    /// The rigid offsets of groups of measurements.
+    pub(crate) rigid: Vec<(Group, RigidOffset)>,
 }
 
 /// Raises the template's surface to what was measured, and holds it back from what was swept.
@@ -132,14 +131,10 @@ pub(crate) fn raise(
 }
 
 /// What each group of measurements is off by.
-fn rigid_offsets(process: &Displacement, observations: &[Observation]) -> Vec<(Group, Vector, f64)> {
+fn rigid_offsets(process: &Displacement, observations: &[Observation]) -> Vec<(Group, RigidOffset)> {
     let groups: BTreeMap<Group, Rigid> =
         observations.iter().flat_map(|o| o.rigid).flatten().map(|rigid| (rigid.group, rigid)).collect();
-    let offset = |rigid: Rigid| {
-        let (mean, std_m) = process.rigid_offset(observations, rigid);
-        (rigid.group, mean, std_m)
-    };
-    groups.into_values().map(offset).collect()
+    groups.into_values().map(|rigid| (rigid.group, process.rigid_offset(observations, rigid))).collect()
 }
 
 /// The process with the surface pulled back to the free points that it would cover; one that is still

@@ -78,6 +78,39 @@ async fn a_motion_that_is_told_moves_the_surface_and_is_no_attempt() {
 }
 
 #[tokio::test]
+async fn a_motion_that_nobody_told_of_is_followed_or_ends_in_the_advice_to_stop() {
+    let server = Server::start().await;
+    let by = [0.012, -0.016, 0.0];
+    let centre = [0, 1, 2].map(|k| CENTRE[k] + by[k]);
+    for (on_motion, transport) in
+        [(v1::OnMotion::Follow, Transport::Grpc), (v1::OnMotion::Warn, Transport::Http)]
+    {
+        let (caller, name) = (server.caller(transport), transport.name());
+        let config = v1::SessionConfig { on_motion: on_motion.into(), ..Default::default() };
+        let mut next = caller.begin_coarse(name, config).await;
+        let mut found = None;
+        for number in 0..45 {
+            let stands = if number < 18 { CENTRE } else { centre };
+            let said = met(&next, stands, plausible(number));
+            let mut reply = caller.tell(name, said, &format!("touch-{number}")).await;
+            if kinds(&reply.warnings, &reply.warning_details).contains(&v1::WarningCode::ObjectMoved) {
+                assert!(number >= 18, "{:?}", reply.warnings);
+                found = Some(reply);
+                break;
+            }
+            next = reply.candidates.remove(0);
+        }
+        let reply = found.expect("the motion is found within 27 attempts");
+        let motion = reply.session.as_ref().unwrap().stats.as_ref().unwrap().motion.clone().unwrap();
+        assert_eq!(motion.followed, on_motion == v1::OnMotion::Follow);
+        let shift = motion.translation_m.unwrap();
+        assert!(distance_m([shift.x, shift.y, shift.z], by) < 0.008, "{shift:?}");
+        let advice = reply.should_stop();
+        assert_eq!(advice == v1::StopReason::Moved, on_motion == v1::OnMotion::Warn, "{advice:?}");
+    }
+}
+
+#[tokio::test]
 async fn a_motion_that_was_told_survives_a_restart() {
     let server = Server::start().await;
     let caller = server.grpc();

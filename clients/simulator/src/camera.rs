@@ -70,6 +70,7 @@ impl Camera {
         }
         pixels.fly(&mut view, seed);
         pixels.lose(&mut view);
+        hand_eye::turn(&mut view, faults.hand_eye_turn, seed);
         hand_eye::shift(&mut view, faults.hand_eye_m, seed);
         view
     }

@@ -24,6 +24,9 @@ pub struct Faults {
     pub move_after: Option<Motion>,
     /// How far all that the camera reports is off, in metres: the camera and the robot's base disagree.
     pub hand_eye_m: f64,
+    /// By how much the camera looks elsewhere than the robot believes, in radians: all that it reports is turned
+    /// about the camera.
+    pub hand_eye_turn: f64,
     /// This share of the view lies on the table that the object stands on.
     pub table_share: f64,
     /// This share of the view are flying pixels: between an edge and what is behind it.

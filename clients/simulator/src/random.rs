@@ -21,6 +21,7 @@ pub(crate) enum Stream {
     Pixels,
     Table,
     FlyingPixels,
+    HandEyeTurn,
 }
 
 /// The generator of one stream of a seed.

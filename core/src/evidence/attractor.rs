@@ -56,13 +56,25 @@ pub struct Provenance {
     pub rigid: [Option<Rigid>; 2],
 }
 
-/// A rigid offset that all points of a group share.
+/// A rigid offset that all points of a group share, a translation and a small rotation, and how one of them
+/// takes part in it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rigid {
     /// The group.
     pub group: Group,
-    /// Standard deviation of the offset in each direction before any touch, in metres.
+    /// Standard deviation of the translation in each direction before any touch, in metres.
     pub std_m: f64,
+    /// Standard deviation of the rotation about each axis before any touch, in radians.
+    pub turn_std: f64,
+    /// From what the group turns about to the point, in metres.
+    pub lever: Vector,
+}
+
+impl Rigid {
+    /// By how much a point's height along a normal changes with the rotation about each axis, in metres.
+    pub fn turned(&self, normal: &Vector) -> Vector {
+        self.lever.cross(normal)
+    }
 }
 
 /// What may be off as a whole.

@@ -18,6 +18,8 @@ use crate::geometry::{Point, Pose, Vector};
 /// A view is off by this as a whole, in metres, before any touch says more: the calibration of a camera
 /// against the robot.
 const CALIBRATION_M: f64 = 0.003;
+/// And turned by this about each axis, in radians.
+const CALIBRATION_TURN: f64 = 0.01;
 /// A touch farther than this share of the pad's half side from its centre shows that the pad is flat.
 const OFF_CENTRE: f64 = 0.3;
 /// A touch is taken for none where its doubt is above this.
@@ -32,7 +34,7 @@ pub(crate) struct Reading {
     pub(crate) doubts: Vec<f64>,
     /// The same of what was seen, by view and point.
     pub(crate) seen_doubts: BTreeMap<(usize, usize), f64>,
-    /// What each view is to be moved by, in metres; nothing for those that are not listed.
+    /// What each view is to be moved by; nothing for those that are not listed.
     pub(crate) view_offsets: Vec<RigidOffset>,
     /// How the object moved, as it was reported and found, in that order of time.
     pub(crate) motions: Vec<Motion>,
@@ -42,12 +44,14 @@ pub(crate) struct Reading {
     pub(crate) stands_at: Option<Point>,
     /// A motion that was found and is not followed.
     pub(crate) suspected: Option<Motion>,
-    /// What is left of that motion, in metres.
+    /// A motion that was found once, with how much evidence there was then: it is to be found again.
+    pub(crate) awaited: Option<(Motion, usize)>,
+    /// What is left of that motion.
     pub(crate) motion_offset: RigidOffset,
     /// Whether rigid offsets are looked for.
     pub(crate) finds_offsets: bool,
-    /// Whether the measurements are clearly less likely without them.
-    pub(crate) needs_offsets: bool,
+    /// How often in a row the measurements were clearly less likely without them.
+    pub(crate) offsets_needed: usize,
     /// Whether touches are doubted.
     pub(crate) doubts_touches: bool,
     /// Whether rigid offsets may be looked for, and whether centres of pressure may be taken.
@@ -57,11 +61,22 @@ pub(crate) struct Reading {
 
 /// A rigid offset that was estimated.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct RigidOffset {
-    /// In metres.
-    pub(crate) mean: Vector,
-    /// Standard deviation in the least certain direction, in metres.
-    pub(crate) std_m: f64,
+pub struct RigidOffset {
+    /// The translation, in metres.
+    pub mean: Vector,
+    /// Its standard deviation in the least certain direction, in metres.
+    pub std_m: f64,
+    /// The small rotation: its axis times its angle, in radians.
+    pub turn: Vector,
+    /// Its standard deviation about the least certain axis, in radians.
+    pub turn_std: f64,
+}
+
+impl RigidOffset {
+    /// What it moves a point by that lies at `lever` from what it turns about, in metres.
+    fn at(&self, lever: &Vector) -> Vector {
+        self.mean + self.turn.cross(lever)
+    }
 }
 
 impl Reading {
@@ -97,6 +112,7 @@ impl Reading {
         let Self {
             stands_at,
             suspected,
+            awaited,
             touched,
             doubts,
             seen_doubts,
@@ -105,7 +121,7 @@ impl Reading {
             reported,
             motion_offset,
             finds_offsets,
-            needs_offsets,
+            offsets_needed,
             doubts_touches,
             may_find_offsets: _,
             may_take_pressure: _,
@@ -118,12 +134,17 @@ impl Reading {
             fingerprint.number(*doubt);
         }
         fingerprint.count(view_offsets.len());
-        for RigidOffset { mean, std_m } in view_offsets.iter().chain([motion_offset]) {
+        for RigidOffset { mean, std_m, turn, turn_std } in view_offsets.iter().chain([motion_offset]) {
             fingerprint.vector(mean);
             fingerprint.number(*std_m);
+            fingerprint.vector(turn);
+            fingerprint.number(*turn_std);
         }
         fingerprint.points(stands_at.as_slice());
         fingerprint.count(suspected.map_or(0, |motion| motion.since));
+        let (motion, at) = awaited.map_or((0, 0), |(motion, at)| (motion.since, at));
+        fingerprint.count(motion);
+        fingerprint.count(at);
         fingerprint.count(*reported);
         for Motion { since, new_from_old, std_m, is_found } in motions {
             fingerprint.count(usize::from(*is_found));
@@ -132,7 +153,7 @@ impl Reading {
             fingerprint.number(*std_m);
         }
         fingerprint.count(usize::from(*finds_offsets));
-        fingerprint.count(usize::from(*needs_offsets));
+        fingerprint.count(*offsets_needed);
         fingerprint.count(usize::from(*doubts_touches));
     }
 
@@ -214,15 +235,26 @@ impl Reading {
         self.motions.iter().rev().find(|motion| motion.std_m > 0.0)
     }
 
-    /// What a point of evidence `at` shares with others, and what it is corrected by.
-    fn rigid(&self, at: usize, view: Option<usize>) -> ([Option<Rigid>; 2], Vector) {
-        let view = view.filter(|_| self.finds_offsets);
-        let of_view = view.map(|view| Rigid { group: Group::View(view), std_m: CALIBRATION_M });
+    /// What a point of evidence `at` shares with others, and what it is corrected by. A point of a view comes with
+    /// the view's number and its own lever about the view's centre.
+    fn rigid(&self, at: usize, seen: Option<(usize, Vector)>) -> ([Option<Rigid>; 2], Vector) {
+        let seen = seen.filter(|_| self.finds_offsets);
+        let of_view = seen.map(|(view, lever)| Rigid {
+            group: Group::View(view),
+            std_m: CALIBRATION_M,
+            turn_std: CALIBRATION_TURN,
+            lever,
+        });
         let before = self.uncertain_motion().filter(|motion| at < motion.since);
-        let of_motion = before.map(|motion| Rigid { group: Group::BeforeMotion, std_m: motion.std_m });
+        let of_motion = before.map(|motion| Rigid {
+            group: Group::BeforeMotion,
+            std_m: motion.std_m,
+            turn_std: 0.0,
+            lever: Vector::zeros(),
+        });
         let view_offset =
-            view.and_then(|view| self.view_offsets.get(view)).map_or_else(Vector::zeros, |o| o.mean);
-        let motion_offset = before.map_or_else(Vector::zeros, |_| self.motion_offset.mean);
+            seen.and_then(|(view, lever)| Some(self.view_offsets.get(view)?.at(&lever))).unwrap_or_default();
+        let motion_offset = before.map(|_| self.motion_offset.mean).unwrap_or_default();
         ([of_view, of_motion], view_offset + motion_offset)
     }
 
@@ -261,14 +293,24 @@ impl Reading {
         let mut attractors = Vec::new();
         for (number, view) in ledger.views.iter().enumerate() {
             let now = self.now_from_then(view.at);
-            let (rigid, correction) = self.rigid(view.at, Some(number));
-            let provenance = Provenance { source: number, correction, rigid, ..Provenance::default() };
+            let centre = view.prior.centre();
             let doubt = |index| self.seen_doubts.get(&(number, index)).copied().unwrap_or(0.0);
-            attractors.extend(view.prior.points().iter().enumerate().map(|(index, point)| Attractor {
-                point: now * point + correction,
-                uncertainty: view.uncertainty,
-                sense: Sense::Vision,
-                provenance: Provenance { index, doubt: doubt(index), ..provenance },
+            attractors.extend(view.prior.points().iter().enumerate().map(|(index, point)| {
+                let lever = now * (point - centre);
+                let (rigid, correction) = self.rigid(view.at, Some((number, lever)));
+                Attractor {
+                    point: now * point + correction,
+                    uncertainty: view.uncertainty,
+                    sense: Sense::Vision,
+                    provenance: Provenance {
+                        source: number,
+                        index,
+                        doubt: doubt(index),
+                        correction,
+                        rigid,
+                        ..Provenance::default()
+                    },
+                }
             }));
         }
         attractors

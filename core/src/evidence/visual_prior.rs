@@ -59,6 +59,11 @@ impl VisualPrior {
         &self.points
     }
 
+    /// The mean of the points, in metres.
+    pub fn centre(&self) -> Point {
+        mean_of(&self.points)
+    }
+
     /// The cloud's own uncertainty, where it was given.
     pub fn uncertainty(&self) -> Option<f64> {
         self.uncertainty
@@ -70,12 +75,16 @@ impl VisualPrior {
     }
 }
 
+fn mean_of(points: &[Point]) -> Point {
+    Point::from(points.iter().map(|point| point.coords).sum::<Vector>() / points.len() as f64)
+}
+
 /// Whether the second largest spread of the points vanishes beside the largest.
 fn are_collinear(points: &[Point]) -> bool {
-    let centre: Vector = points.iter().map(|point| point.coords).sum::<Vector>() / points.len() as f64;
+    let centre = mean_of(points);
     let covariance = points
         .iter()
-        .map(|point| point.coords - centre)
+        .map(|point| point - centre)
         .map(|offset| offset * offset.transpose())
         .sum::<nalgebra::Matrix3<f64>>();
     let mut spreads: Vec<f64> = covariance.symmetric_eigenvalues().iter().copied().collect();

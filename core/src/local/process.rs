@@ -13,6 +13,7 @@ use faer::{Col, Mat, Par, Scale, Side};
 use nalgebra::{DMatrix, DVector, Matrix3};
 
 use super::kernel::add_covariances;
+use crate::evidence::RigidOffset;
 use crate::evidence::attractor::Rigid;
 use crate::geometry::{SurfacePoint, Vector};
 use crate::symmetry::{Symmetry, SymmetryFrame};
@@ -32,8 +33,8 @@ pub struct Observation {
     pub height_m: f64,
     /// Standard deviation of the measurement, in metres.
     pub noise_m: f64,
-    /// The rigid offsets that it shares with others: measured where a group of points is moved by `b`, a
-    /// height is less by `n · b`.
+    /// The rigid offsets that it shares with others: measured where a group of points is moved by `b` and turned
+    /// by `w`, a height is less by `n · (b + w × r)`, `r` being the point's lever.
     pub rigid: [Option<Rigid>; 2],
 }
 
@@ -45,9 +46,11 @@ impl Observation {
 
     /// Covariance of two measurements by the rigid offsets that they share, in square metres.
     fn shared_variance(&self, other: &Self) -> f64 {
-        let facing = self.at.normal.dot(&other.at.normal);
+        let (n, m) = (&self.at.normal, &other.at.normal);
         let shared = |(a, b): (&Option<Rigid>, &Option<Rigid>)| match (a, b) {
-            (Some(a), Some(b)) if a.group == b.group => a.std_m * b.std_m * facing,
+            (Some(a), Some(b)) if a.group == b.group => {
+                a.std_m * b.std_m * n.dot(m) + a.turn_std * b.turn_std * a.turned(n).dot(&b.turned(m))
+            }
             _ => 0.0,
         };
         self.rigid.iter().zip(&other.rigid).map(shared).sum()
@@ -243,27 +246,37 @@ impl Displacement {
         groups.iter().map(|group| of_first(group).unwrap_or(nothing)).collect()
     }
 
-    /// What a group of measurements is off by as a whole, in metres, and the standard deviation in its least
-    /// certain direction.
-    pub fn rigid_offset(&self, observations: &[Observation], rigid: Rigid) -> (Vector, f64) {
+    /// What a group of measurements is off by as a whole.
+    pub fn rigid_offset(&self, observations: &[Observation], rigid: Rigid) -> RigidOffset {
         let count = observations.len();
-        let is_member = |o: &Observation| o.rigid.iter().flatten().any(|other| other.group == rigid.group);
-        let variance = rigid.std_m * rigid.std_m;
-        // Covariances of the offset with the measurements.
-        let mut cross = Mat::<f64>::zeros(count, 3);
-        let mut mean = Vector::zeros();
+        let member = |o: &Observation| o.rigid.into_iter().flatten().find(|other| other.group == rigid.group);
+        let variances = [rigid.std_m, rigid.turn_std].map(|std| std * std);
+        // Covariances of translation and rotation with the measurements.
+        let mut cross = [Mat::<f64>::zeros(count, 3), Mat::zeros(count, 3)];
+        let mut means = [Vector::zeros(); 2];
         for (row, (o, weight)) in observations.iter().zip(&self.weights).enumerate() {
-            if is_member(o) {
-                let with_offset = o.at.normal * -variance;
-                mean += with_offset * *weight;
-                (0..3).for_each(|axis| cross[(row, axis)] = with_offset[axis]);
+            let Some(member) = member(o) else { continue };
+            let slopes = [o.at.normal, member.turned(&o.at.normal)];
+            for part in 0..2 {
+                let covariance = slopes[part] * -variances[part];
+                means[part] += covariance * *weight;
+                (0..3).for_each(|axis| cross[part][(row, axis)] = covariance[axis]);
             }
         }
-        solve_lower_triangular_in_place(self.factor.as_ref(), cross.as_mut(), Par::Seq);
-        let explained =
-            Matrix3::from_fn(|i, j| cross.col(i).iter().zip(cross.col(j).iter()).map(|(a, b)| a * b).sum());
-        let left = Matrix3::identity() * variance - explained;
-        (mean, left.symmetric_eigenvalues().max().max(0.0).sqrt())
+        let deviation = |mut cross: Mat<f64>, variance: f64| {
+            solve_lower_triangular_in_place(self.factor.as_ref(), cross.as_mut(), Par::Seq);
+            let product = |i, j| cross.col(i).iter().zip(cross.col(j).iter()).map(|(a, b)| a * b).sum();
+            let left = Matrix3::identity() * variance - Matrix3::from_fn(product);
+            left.symmetric_eigenvalues().max().max(0.0).sqrt()
+        };
+        let [mean, turn] = means;
+        let [with_translation, with_turn] = cross;
+        RigidOffset {
+            mean,
+            std_m: deviation(with_translation, variances[0]),
+            turn,
+            turn_std: deviation(with_turn, variances[1]),
+        }
     }
 
     /// The diagonal of `K⁻¹`.
@@ -332,6 +345,7 @@ impl Displacement {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::evidence::attractor::Group;
     use crate::geometry::{Direction, Icosphere, Point};
     use nalgebra::Rotation3;
 
@@ -402,6 +416,35 @@ mod tests {
         let (squares, count) = shares.iter().fold((0.0, 0.0), |sum, s| (sum.0 + s.0, sum.1 + s.1));
         assert!((squares / count - 1.0).abs() < 0.02, "{squares} of {count}");
         assert!(count > 5.0 && count < seen.len() as f64);
+    }
+
+    #[test]
+    fn a_rigid_offset_is_found_with_its_rotation_where_the_surface_is_known() {
+        let (translation, turn) = (Vector::new(0.002, -0.001, 0.003), Vector::new(0.004, -0.008, 0.006));
+        // The three faces of a corner, 60 mm wide: each shows two axes of the rotation.
+        let face = |axis: usize| {
+            (0..36).map(move |k| {
+                let (u, v) = (0.01 * f64::from(k % 6), 0.01 * f64::from(k / 6));
+                let mut lever = Vector::zeros();
+                (lever[(axis + 1) % 3], lever[(axis + 2) % 3]) = (u - 0.025, v - 0.025);
+                let normal = Vector::ith(axis, 1.0);
+                let moved = translation + turn.cross(&lever);
+                let rigid = Rigid { group: Group::View(0), std_m: 0.003, turn_std: 0.01, lever };
+                Observation {
+                    rigid: [Some(rigid), None],
+                    ..Observation::new(SurfacePoint { point: lever, normal }, -normal.dot(&moved), 1e-5)
+                }
+            })
+        };
+        let seen: Vec<Observation> = (0..3).flat_map(face).collect();
+        let known = Prior { amplitude_m: 1e-5, ..prior(Symmetry::None) };
+        let offset = Displacement::fit(known, &seen).rigid_offset(&seen, seen[0].rigid[0].unwrap());
+        assert!((offset.mean - translation).norm() < 1e-5 && offset.std_m < 1e-4, "{offset:?}");
+        assert!((offset.turn - turn).norm() < 1e-4 && offset.turn_std < 1e-3, "{offset:?}");
+        // A plane alone does not say how it is turned about its normal, nor how it is moved along itself.
+        let plane = &seen[..36];
+        let offset = Displacement::fit(known, plane).rigid_offset(plane, plane[0].rigid[0].unwrap());
+        assert!((offset.std_m - 0.003).abs() < 1e-9 && (offset.turn_std - 0.01).abs() < 1e-9, "{offset:?}");
     }
 
     #[test]

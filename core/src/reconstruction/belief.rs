@@ -27,8 +27,7 @@ pub(super) fn learnt(reading: &Reading, raised: &Raised) -> Reading {
         }
     }
     next.view_offsets.clear();
-    for &(group, mean, std_m) in &raised.rigid {
-        let offset = RigidOffset { mean, std_m };
+    for &(group, offset) in &raised.rigid {
         match group {
             Group::View(view) => {
                 let known = next.view_offsets.len().max(view + 1);
@@ -57,7 +56,7 @@ pub(super) fn alternatives(reading: &Reading, ledger: &Ledger) -> Vec<Reading> {
         let found = !reading.finds_offsets;
         others.push(Reading {
             finds_offsets: found,
-            needs_offsets: found,
+            offsets_needed: usize::from(found),
             view_offsets: Vec::new(),
             ..reading.clone()
         });

@@ -10,8 +10,11 @@ const DOUBT_TO_WARN: f64 = 0.95;
 /// A rigid offset of a view below this is what calibrations leave, in metres, as is one below so many of its
 /// deviations.
 const OFFSET_M: f64 = 0.004;
-/// Before so many touches an odd shape looks like an offset.
-const TOUCHES_FOR_OFFSET: usize = 20;
+/// The same of its rotation, in radians.
+const OFFSET_TURN: f64 = 0.02;
+/// It has to be needed so often in a row, some touches apart: an odd shape looks like an offset until the template
+/// has found it.
+const OFFSET_NEEDED: usize = 2;
 const OFFSET_DEVIATIONS: f64 = 2.0;
 
 /// What was found out about the evidence.
@@ -49,7 +52,11 @@ pub struct FoundOffset {
     pub translation_m: Vector,
     /// Standard deviation in the least certain direction, in metres.
     pub std_m: f64,
-    /// Whether there are many touches, and the measurements are clearly less likely without it.
+    /// What they are to be turned by about their mean: axis times angle, in radians.
+    pub rotation: Vector,
+    /// Standard deviation about the least certain axis, in radians.
+    pub rotation_std: f64,
+    /// Whether the measurements are clearly less likely without it, and stay so.
     pub is_needed: bool,
 }
 
@@ -85,7 +92,9 @@ impl Reconstruction {
             at: view.at,
             translation_m: frame.vector_in_base(&offset.mean),
             std_m: offset.std_m,
-            is_needed: reading.needs_offsets && ledger.touches.len() >= TOUCHES_FOR_OFFSET,
+            rotation: frame.vector_in_base(&offset.turn),
+            rotation_std: offset.turn_std,
+            is_needed: reading.offsets_needed >= OFFSET_NEEDED,
         });
         let followed = reading.motions.last().map(|motion| (motion, true));
         let suspected = reading.suspected.as_ref().map(|motion| (motion, false));
@@ -147,8 +156,10 @@ impl Findings {
             Warning::new(WarningKind::DoubtedContact, message).with("doubt", doubt).with("evidence", at as f64)
         });
         let is_off = |offset: &&FoundOffset| {
-            let length_m = offset.translation_m.norm();
-            offset.is_needed && length_m > OFFSET_M && length_m > OFFSET_DEVIATIONS * offset.std_m
+            let (length_m, angle) = (offset.translation_m.norm(), offset.rotation.norm());
+            let is_moved = length_m > OFFSET_M && length_m > OFFSET_DEVIATIONS * offset.std_m;
+            let is_turned = angle > OFFSET_TURN && angle > OFFSET_DEVIATIONS * offset.rotation_std;
+            offset.is_needed && (is_moved || is_turned)
         };
         let offsets = self
             .offsets
@@ -156,17 +167,24 @@ impl Findings {
             .filter(is_off)
             .filter(|offset| !before.offsets.iter().filter(is_off).any(|other| other.at == offset.at));
         let offsets = offsets.map(|offset| {
-            let FoundOffset { translation_m: t, std_m, .. } = *offset;
+            let FoundOffset { translation_m: t, std_m, rotation, rotation_std, .. } = *offset;
             let message = format!(
-                "camera and robot disagree by {:.1} mm (± {:.1} mm): the view's points are moved by ({:.4}, {:.4}, \
-                 {:.4}) m; calibrate the camera against the robot",
+                "camera and robot disagree by {:.1} mm (± {:.1} mm) and {:.1}° (± {:.1}°): the view's points are \
+                 moved by ({:.4}, {:.4}, {:.4}) m and turned about their mean; calibrate the camera against the \
+                 robot",
                 1e3 * t.norm(),
                 1e3 * std_m,
+                rotation.norm().to_degrees(),
+                rotation_std.to_degrees(),
                 t.x,
                 t.y,
                 t.z
             );
-            Warning::new(WarningKind::CameraOffset, message).with("offset_m", t.norm()).with("std_m", std_m)
+            Warning::new(WarningKind::CameraOffset, message)
+                .with("offset_m", t.norm())
+                .with("std_m", std_m)
+                .with("rotation_rad", rotation.norm())
+                .with("rotation_std_rad", rotation_std)
         });
         let motion = self.motion.filter(|motion| motion.is_found).filter(|motion| {
             before

@@ -3,7 +3,7 @@
 
 use super::{Detail, Estimate, PalpateDetail, Surface, belief, motion};
 use crate::config::Config;
-use crate::evidence::ledger::Ledger;
+use crate::evidence::ledger::{Ledger, Motion};
 use crate::evidence::{FitEvidence, Reading};
 use crate::geometry::{Icosphere, Plane};
 use crate::local;
@@ -35,6 +35,10 @@ const CLEARLY: f64 = 3.0;
 const VANISHING: f64 = 1.5;
 /// And that of an object that has moved by this much: it is rare, and a better template looks like it.
 const MOVED_CLEARLY: f64 = 15.0;
+
+/// A motion has to be found again after so many further pieces of evidence.
+const CONFIRMED_AFTER: usize = 4;
+const FORGOTTEN_AFTER: usize = 8;
 
 /// What a fit starts from, and what it is made of.
 #[derive(Clone, Copy)]
@@ -98,7 +102,7 @@ impl Scene<'_> {
             let is_needed = other.log_likelihood() < best.log_likelihood() - CLEARLY;
             let better = self.better(&best, other, margin);
             if offsets_vanish {
-                best.reading.needs_offsets = is_needed;
+                best.reading.offsets_needed = if is_needed { best.reading.offsets_needed + 1 } else { 0 };
             }
             best = better.unwrap_or(best);
         }
@@ -108,13 +112,21 @@ impl Scene<'_> {
     /// The fit of an object that has moved, where that is the more likely; a motion that is not to be followed is
     /// only noted.
     fn followed(&self, mut best: Fitted) -> Fitted {
-        for (moved, margin) in self.moved(&best) {
+        let moved = self.moved(&best);
+        let awaited = best.reading.awaited;
+        if awaited.is_some_and(|(_, at)| self.ledger.entries >= at + FORGOTTEN_AFTER) {
+            best.reading.awaited = None;
+        }
+        for (moved, margin) in moved {
             let motions = best.reading.motions.len();
             let Some(found) = self.better(&best, moved, margin) else { continue };
             // It was tried with templates from new starts: what is believed so far is given them, too.
             let stayed = self.afresh(&best.reading);
             if found.log_likelihood() > stayed.log_likelihood() + CLEARLY {
-                if self.config.follows_motion || found.reading.motions.len() <= motions {
+                if found.reading.motions.len() > motions && !self.confirms(awaited, &found.reading) {
+                    let found = found.reading.motions.last().map(|motion| (*motion, self.ledger.entries));
+                    best.reading.awaited = awaited.or(found);
+                } else if self.config.follows_motion || found.reading.motions.len() <= motions {
                     best = found;
                 } else {
                     best.reading.suspected = found.reading.motions.last().copied();
@@ -124,6 +136,15 @@ impl Scene<'_> {
             }
         }
         best
+    }
+
+    /// Whether a motion was found before, and some attempts ago: a template that was wrong looks like a motion
+    /// until the next attempts mend it.
+    fn confirms(&self, awaited: Option<(Motion, usize)>, reading: &Reading) -> bool {
+        awaited.zip(reading.motions.last()).is_some_and(|((before, at), found)| {
+            self.ledger.entries >= at + CONFIRMED_AFTER
+                && before.since.abs_diff(found.since) <= FORGOTTEN_AFTER
+        })
     }
 
     /// The fit of another reading where that is clearly the more likely, and not by its template alone: a fit
@@ -146,7 +167,8 @@ impl Scene<'_> {
         }
         let revised = motion::without_latest(&best.reading, ledger).filter(|_| extras.readings);
         let reading = revised.as_ref().unwrap_or(&best.reading);
-        let since = motion::suspected_since(reading, ledger, extras.readings);
+        let is_awaited = best.reading.awaited.is_some();
+        let since = motion::suspected_since(reading, ledger, extras.readings || is_awaited);
         let Some(first) = since.first() else { return Vec::new() };
         let earlier = ledger.until(*first);
         let known = Scene { ledger: &earlier, start: None, extras: Extras::of_fit(1), ..*self }.fit(reading);

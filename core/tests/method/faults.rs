@@ -3,7 +3,8 @@
 use palpate_core::config::{Config, Method, Settings, Stages};
 use palpate_core::evidence::{Evidence, Moved, TouchedPoint, VisualPrior};
 use palpate_core::geometry::{Point, Pose, SurfaceIndex, Vector};
-use palpate_core::reconstruction::Reconstruction;
+use palpate_core::reconstruction::{Reconstruction, StopReason};
+use palpate_core::warning::WarningKind;
 
 use crate::object::{Object, of};
 use crate::robot::{Robot, contact_in_the_air, moved_along};
@@ -100,6 +101,25 @@ fn an_object_that_was_pushed_is_followed() {
     assert!(found.is_followed && (17..=27).contains(&found.since), "{found:?}");
     assert!((found.translation_m - push).norm() < 0.006, "{found:?}");
     assert!(robot.error_m() < 1.5e-3, "{}", robot.error_m());
+}
+
+#[test]
+fn a_motion_that_is_not_to_be_followed_is_told_with_the_advice_to_stop() {
+    let push = Vector::new(0.012, 0.016, 0.0);
+    let mut robot = begin(Settings { follows_motion: false, ..coarse() });
+    (0..18).for_each(|_| robot.touch());
+    robot.object = robot.object.moved(&Pose::from_parts(push.into(), nalgebra::one()));
+    let before = robot.warned.len();
+    (18..45).for_each(|_| {
+        if robot.state.stop_reason() != Some(StopReason::Moved) {
+            robot.touch();
+        }
+    });
+    assert_eq!(robot.state.stop_reason(), Some(StopReason::Moved));
+    let found = robot.state.findings().motion.unwrap();
+    assert!(!found.is_followed && found.is_found && (17..=27).contains(&found.since), "{found:?}");
+    assert!((found.translation_m - push).norm() < 0.008, "{found:?}");
+    assert!(robot.warned[before..].contains(&WarningKind::ObjectMoved), "{:?}", robot.warned);
 }
 
 #[test]

@@ -8,6 +8,7 @@ use palpate_core::evidence::{
 use palpate_core::exploration::Candidate;
 use palpate_core::geometry::{Point, Pose, Vector};
 use palpate_core::reconstruction::Reconstruction;
+use palpate_core::warning::WarningKind;
 
 use crate::object::{Object, best};
 
@@ -22,6 +23,8 @@ pub(crate) struct Robot {
     pub(crate) state: Reconstruction,
     pub(crate) log: Vec<Evidence>,
     pub(crate) pad: Pad,
+    /// All that was warned about.
+    pub(crate) warned: Vec<WarningKind>,
 }
 
 impl Robot {
@@ -36,13 +39,16 @@ impl Robot {
     /// A session that was shown this of the object.
     pub(crate) fn shown(object: Object, settings: Settings, seen: VisualPrior) -> Self {
         let state = Reconstruction::new(Config::new(settings).unwrap());
-        let mut robot = Self { object, state, log: Vec::new(), pad: Pad::new(HALF_SIDE_M).unwrap() };
+        let mut robot =
+            Self { object, state, log: Vec::new(), pad: Pad::new(HALF_SIDE_M).unwrap(), warned: Vec::new() };
         robot.tell(Evidence::VisualPrior(seen));
         robot
     }
 
     pub(crate) fn tell(&mut self, evidence: Evidence) {
-        self.state = self.state.absorb(&evidence).unwrap().0;
+        let (state, update) = self.state.absorb(&evidence).unwrap();
+        self.state = state;
+        self.warned.extend(update.warnings.iter().map(|warning| warning.kind));
         self.log.push(evidence);
     }
 

@@ -327,6 +327,8 @@ pub(crate) fn stats(snapshot: &Snapshot) -> v1::SessionStats {
                 seq: snapshot.seq_of(found.at),
                 translation_m: Some(vector(&found.translation_m)),
                 std_m: found.std_m,
+                rotation_rad: Some(vector(&found.rotation)),
+                rotation_std_rad: found.rotation_std,
             })
             .collect(),
         motion: findings.motion.map(|found| v1::ObjectMotion {

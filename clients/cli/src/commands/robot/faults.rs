@@ -35,6 +35,10 @@ pub(in crate::commands) struct FaultArgs {
     #[arg(long, value_name = "MM", default_value_t = 0.0, value_parser = not_negative)]
     hand_eye_mm: f64,
 
+    /// How far the camera looks elsewhere than the robot believes: all that is seen is turned about it by this angle.
+    #[arg(long, value_name = "DEG", default_value_t = 0.0, value_parser = not_negative)]
+    hand_eye_deg: f64,
+
     /// This share of the seen points lies on the table around the object; 0.25 unless a share is given.
     #[arg(long, value_name = "SHARE", num_args = 0..=1, default_missing_value = "0.25", value_parser = share)]
     table: Option<f64>,
@@ -64,11 +68,21 @@ impl FaultArgs {
 
     /// The same for the robot.
     pub(in crate::commands) fn faults(&self) -> Faults {
-        let Self { false_contacts, move_after, move_mm, hand_eye_mm, table, flying_pixels, zeros } = *self;
+        let Self {
+            false_contacts,
+            move_after,
+            move_mm,
+            hand_eye_mm,
+            hand_eye_deg,
+            table,
+            flying_pixels,
+            zeros,
+        } = *self;
         Faults {
             false_contact_share: false_contacts,
             move_after: move_after.map(|attempt| Motion { attempt, distance_m: 1e-3 * move_mm }),
             hand_eye_m: 1e-3 * hand_eye_mm,
+            hand_eye_turn: hand_eye_deg.to_radians(),
             table_share: table.unwrap_or_default(),
             flying_pixel_share: flying_pixels.unwrap_or_default(),
             zero_share: zeros.unwrap_or_default(),
@@ -112,6 +126,8 @@ mod tests {
         let other = typed(&other).unwrap().faults();
         assert_eq!((other.table_share, other.hand_eye_m, other.zero_share), (0.4, 0.008, 0.0));
         assert_eq!(other.move_after, Some(Motion { attempt: 3, distance_m: 0.005 }));
+        let turned = typed(&["--hand-eye-deg", "0.5"]).unwrap().faults();
+        assert!((turned.hand_eye_turn - 0.5_f64.to_radians()).abs() < 1e-12 && turned.hand_eye_m == 0.0);
         assert_eq!(typed(&["--false-contacts", "0.1"]).unwrap().faults().false_contact_share, 0.1);
     }
 
