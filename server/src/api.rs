@@ -68,8 +68,10 @@ impl Api {
         let cores = available_parallelism().map_or(1, usize::from);
         let pool = Pool::new(cores, limits.compute_queue_per_core);
         let limits = Arc::new(limits);
+        let sessions = Arc::new(Sessions::new(store, pool, event::fold, limits.clone(), stopping.clone()));
+        tokio::spawn(sessions.clone().prove_all());
         Self {
-            sessions: Arc::new(Sessions::new(store, pool, event::fold, limits.clone(), stopping.clone())),
+            sessions,
             streams: Arc::new(Semaphore::new(limits.streams)),
             limits,
             stopping,
@@ -98,6 +100,15 @@ impl Api {
             return Err(Error::Draining);
         }
         Ok(self.sessions.store.check_writable().await?)
+    }
+
+    /// How many sessions are quarantined, and how many acknowledged events were missing when the server started.
+    ///
+    /// # Errors
+    /// [`Error::StoreDown`].
+    pub(crate) async fn losses(&self) -> Result<(i64, i64), Error> {
+        let store = &self.sessions.store;
+        Ok((store.damaged_count().await?, store.missing()))
     }
 
     /// Waits until every accepted write is on disk, and closes the log.

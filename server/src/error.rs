@@ -66,10 +66,16 @@ pub(crate) enum Error {
     #[error("the session has no visual prior yet: call AddVisualPrior first")]
     NoVisualPrior,
     /// The log cannot be folded to a sound state.
-    #[error("session {session_id:?} is quarantined, because its log cannot be replayed: it is read only")]
+    #[error(
+        "session {session_id:?} is quarantined: {reason}; it can be read up to revision {sound} and takes no changes: go on in a new session, or restore a copy of the database"
+    )]
     SessionQuarantined {
         /// Which one.
         session_id: String,
+        /// The last revision that is sound; 0 for none.
+        sound: i64,
+        /// What is wrong with its log.
+        reason: String,
     },
     /// The server holds as many of something as it may.
     #[error("the limit of {limit} {what} is reached: {hint}")]

@@ -57,6 +57,14 @@ pub struct Limits {
     pub name_bytes: usize,
     /// Bytes of a free text such as a detail or a note.
     pub text_bytes: usize,
+    /// Bytes that the events of one session may take.
+    pub session_bytes: u64,
+    /// Bytes that the database may hold.
+    pub database_bytes: u64,
+    /// How fast logs are proved in the background, in bytes a second.
+    pub proof_bytes_per_s: u64,
+    /// Pause between two rounds of that.
+    pub proof_pause: Duration,
     /// Sessions in the database.
     pub sessions: u64,
     /// Sessions whose state is held in memory; the least recently used are dropped first.
@@ -105,6 +113,10 @@ impl Default for Limits {
             labels: 64,
             name_bytes: 256,
             text_bytes: 4096,
+            session_bytes: 256 << 20,
+            database_bytes: 64 << 30,
+            proof_bytes_per_s: 64 << 20,
+            proof_pause: Duration::from_secs(6 * 3600),
             sessions: 100_000,
             live_sessions: 256,
             past_states: 32,

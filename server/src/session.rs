@@ -139,8 +139,16 @@ pub(crate) enum SessionState {
     AwaitingPrior,
     /// There is an estimate; contacts are taken.
     Active,
-    /// The log cannot be replayed: the state is that of the last event that could.
+    /// The log is damaged: the state is that of the last event before the damage.
     Quarantined,
+}
+
+/// Why a session is quarantined.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct SetAside {
+    pub(crate) reason: String,
+    /// Where its log should end.
+    pub(crate) head: i64,
 }
 
 /// A session after one of its events; shared by readers, never changed.
@@ -150,6 +158,8 @@ pub(crate) struct Snapshot {
     /// The seq of the last event.
     pub(crate) revision: i64,
     pub(crate) state: SessionState,
+    /// Why the log after this revision is not trusted, if so.
+    pub(crate) set_aside: Option<SetAside>,
     /// All evidence as it is in the estimate, each with the seq of its event.
     pub(crate) evidence: Vec<(i64, Arc<Evidence>)>,
     /// The edge of the voxels in which all views are thinned, in metres, once that was needed.
@@ -175,6 +185,7 @@ impl Snapshot {
         Self {
             revision: 1,
             state: SessionState::AwaitingPrior,
+            set_aside: None,
             evidence: Vec::new(),
             view_edge_m: None,
             leases: Leases::default(),
@@ -221,6 +232,7 @@ impl Snapshot {
             definition: self.definition.clone(),
             revision: self.revision + 1,
             state: SessionState::Active,
+            set_aside: None,
             evidence,
             view_edge_m: self.view_edge_m,
             leases: self.leases.at(at_us),
@@ -258,7 +270,7 @@ impl Snapshot {
 
     /// Changes with every event, and differs from that of an earlier session of the same id.
     pub(crate) fn etag(&self) -> String {
-        etag(self.definition.created_us, self.revision)
+        etag(self.definition.created_us, self.set_aside.as_ref().map_or(self.revision, |aside| aside.head))
     }
 
     /// When an event that is accepted now happens: the clock, but never before the last event.
@@ -286,13 +298,16 @@ impl Aggregate for Snapshot {
         match self.state {
             SessionState::AwaitingPrior | SessionState::Active => Ok(()),
             SessionState::Quarantined => {
-                Err(Error::SessionQuarantined { session_id: self.definition.session_id.clone() })
+                let reason = self.set_aside.as_ref().map(|aside| aside.reason.clone()).unwrap_or_default();
+                let session_id = self.definition.session_id.clone();
+                Err(Error::SessionQuarantined { session_id, sound: self.revision, reason })
             }
         }
     }
 
-    fn quarantined(&self, revision: i64) -> Self {
-        Self { revision, state: SessionState::Quarantined, ..self.clone() }
+    fn quarantined(&self, reason: &str, head: i64) -> Self {
+        let set_aside = Some(SetAside { reason: reason.to_owned(), head });
+        Self { state: SessionState::Quarantined, set_aside, ..self.clone() }
     }
 }
 

@@ -5,7 +5,7 @@
 //! ```text
 //! permit -> retry? answer as before -> revision guard -> compute -> append (durable) -> publish -> reply
 //!             ^                                                       |
-//!             `------- catch up with the log: another process --------' seq is taken
+//!             `------- catch up with the log --------------------------' it is not where it was left
 //! ```
 //!
 //! A state is the fold of its log, so nothing here needs saving: what is evicted or lost with the
@@ -16,6 +16,7 @@ mod creation;
 mod deletion;
 mod live;
 mod past;
+mod proof;
 mod replay;
 #[cfg(test)]
 mod tests;
@@ -31,10 +32,11 @@ use tracing::Instrument;
 use crate::compute::Pool;
 use crate::error::Error;
 use crate::limits::Limits;
-use crate::store::{NewEvent, SessionHead, Store, StoreError};
+use crate::store::{Damage, Link, NewEvent, SessionHead, Store, StoreError};
 pub(crate) use aggregate::{Aggregate, Computed, Created, Decision, Fold, FoldError, StoredEvent};
-use live::{Live, LiveSessions};
+use live::{Head, Live, LiveSessions, Replayed};
 use past::PastStates;
+use proof::Proven;
 
 /// How often a change starts again when other processes append to the same session.
 const ATTEMPTS: usize = 5;
@@ -49,6 +51,7 @@ pub(crate) struct Sessions<S> {
     limits: Arc<Limits>,
     live: LiveSessions<S>,
     past: PastStates<S>,
+    proven: Proven,
     stopping: CancellationToken,
 }
 
@@ -105,7 +108,7 @@ impl<S: Aggregate> Sessions<S> {
     ) -> Self {
         let live = LiveSessions::new(limits.live_sessions, limits.session_queue);
         let past = PastStates::new(limits.past_states);
-        Self { store, pool, fold, limits, live, past, stopping }
+        Self { store, pool, fold, limits, live, past, proven: Proven::default(), stopping }
     }
 
     /// Creates a session.
@@ -182,12 +185,17 @@ impl<S: Aggregate> Sessions<S> {
         if revision == 0 || revision == head {
             return Ok(newest);
         }
+        if revision > head {
+            newest.check_open()?;
+        }
         if !(1..=head).contains(&revision) {
             let description = format!("{revision} is not between 1 and the session's revision {head}");
             return Err(Error::field("revision", description));
         }
+        // Each event is checked by the one before it, so where the kept state ends need not be known.
         let nearest = self.past.nearest(&*newest, revision);
-        let state = self.replay(session_id, nearest, revision, deadline).await?;
+        let nearest = nearest.map(|state| Replayed { state, head: Head::empty(session_id) });
+        let state = self.replay(session_id, nearest, revision, deadline).await?.state;
         self.past.keep(state.clone());
         Ok(state)
     }
@@ -209,17 +217,22 @@ impl<S: Aggregate> Sessions<S> {
                 Ok(Decision::Append(event, computed)) => (event, computed),
                 Ok(Decision::Answer(bytes)) => return Ok(Reply { bytes, duplicate: false }),
                 // A refusal must rest on the newest state, and another process may have written since.
-                Err(_) if self.is_behind(&*before).await? => {
+                Err(_) if before.check_open().is_ok() && self.is_behind(&*before).await? => {
                     self.catch_up(session_id, &live, deadline).await?;
                     continue;
                 }
                 Err(refusal) => return Err(refusal),
             };
-            let (after, head, new) = recorded(computed, request, event, actor);
+            let end = live.head().unwrap_or_else(|| Head::empty(session_id));
+            let (after, head, new) = recorded(computed, request, event, actor, &end.link);
+            let grown = Head { link: head.link, bytes: end.bytes + new.bytes() };
+            if grown.bytes > self.limits.session_bytes {
+                return Err(self.session_is_full());
+            }
             let reply = new.reply.clone();
-            match self.store.append(head, new).await {
+            match self.store.append(head, end.link, new).await {
                 Ok(()) => {
-                    live.publish(after);
+                    live.publish(Replayed { state: Arc::new(after), head: grown });
                     return Ok(Reply { bytes: reply, duplicate: false });
                 }
                 Err(StoreError::Conflict) => self.catch_up(session_id, &live, deadline).await?,
@@ -250,7 +263,7 @@ impl<S: Aggregate> Sessions<S> {
         if request.id.is_empty() {
             return Ok(None);
         }
-        match self.store.first_reply(session_id, &request.id).await? {
+        match self.store.first_under(session_id, &request.id).await? {
             None => Ok(None),
             Some(first) if first.request_digest == request.digest => {
                 Ok(Some(Reply { bytes: first.reply, duplicate: true }))
@@ -269,6 +282,11 @@ impl<S: Aggregate> Sessions<S> {
                 Err(error)
             }
         }
+    }
+
+    fn session_is_full(&self) -> Error {
+        let hint = "go on in a new session, with smaller or fewer clouds";
+        Error::Quota { what: "bytes of the session's log", limit: self.limits.session_bytes, hint }
     }
 
     fn refuse_while_stopping(&self) -> Result<(), Error> {
@@ -290,10 +308,11 @@ fn recorded<S: Aggregate>(
     request: &RequestKey,
     (kind, payload): StoredEvent,
     actor: &str,
+    before: &Link,
 ) -> (S, SessionHead, NewEvent) {
     let Computed { after, state, summary, reply, stats_after, state_hash, append_us } = computed;
     let (session_id, created_us) = after.identity();
-    let head = SessionHead { session_id: session_id.to_owned(), created_us, state, summary };
+    let (session_id, created_us) = (session_id.to_owned(), created_us);
     let event = NewEvent {
         seq: after.revision(),
         request_id: (!request.id.is_empty()).then(|| request.id.clone()),
@@ -307,6 +326,8 @@ fn recorded<S: Aggregate>(
         append_us,
         actor: actor.to_owned(),
     };
+    let link = event.link(before);
+    let head = SessionHead { session_id, created_us, state, summary, link };
     (after, head, event)
 }
 
@@ -317,6 +338,14 @@ impl From<StoreError> for Error {
             StoreError::QueueFull => Self::QueueFull { queue: "write", retry_after: RETRY_WRITE_AFTER },
             StoreError::Conflict => contended(),
             StoreError::Full => Self::StoreFull,
+            StoreError::TooLarge { most_bytes } => Self::Quota {
+                what: "bytes of the database",
+                limit: most_bytes,
+                hint: "delete sessions that are no longer needed, or raise the limit",
+            },
+            StoreError::Damaged(Damage { session_id, sound, reason }) => {
+                Self::SessionQuarantined { session_id, sound, reason }
+            }
             StoreError::Down(detail) => Self::StoreDown { detail },
         }
     }

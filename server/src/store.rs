@@ -2,28 +2,37 @@
 //!
 //! ```text
 //! append, create, delete --> bounded queue --> writer: begin, each in a savepoint, commit --> acknowledged
-//! session, events, list  --> read-only pool
+//! session, events, list  --> read-only pool --> each event checked by its link
 //! ```
 //!
 //! Nothing is acknowledged before its commit has returned, and a commit returns when it is on disk
 //! (WAL, synchronous = full). What payloads and replies mean is not known here: they are bytes.
 
+mod apply;
+mod change;
+mod files;
+mod link;
+mod linking;
 mod open;
 mod read;
+mod witness;
 mod write;
 
 use std::path::Path;
 
-use sqlx::{SqliteConnection, SqlitePool};
+use sqlx::SqlitePool;
 use tokio::sync::{mpsc, oneshot};
 use tokio_util::sync::CancellationToken;
 
 use crate::limits::Limits;
 
+use change::Change;
+pub(crate) use change::{Damage, Deletion, NewEvent, NewSession, SessionHead};
+pub(crate) use link::{Link, first as first_link};
 pub use open::OpenError;
-pub(crate) use read::{EventRow, Filter, PageEnd, SessionRow};
-use write::{Change, Job};
-pub(crate) use write::{Deletion, NewEvent, NewSession, SessionHead};
+use open::Opened;
+pub(crate) use read::{EventRow, Filter, PageEnd, SessionRow, StateFilter};
+use write::{Job, Writer};
 
 /// Why an operation on the log failed.
 #[derive(Clone, Debug, thiserror::Error)]
@@ -37,6 +46,15 @@ pub(crate) enum StoreError {
     /// There is no room on the disk.
     #[error("the disk is full")]
     Full,
+    /// All sessions together hold as much as they may.
+    #[error("the database holds its {most_bytes} bytes")]
+    TooLarge {
+        /// How much they may hold.
+        most_bytes: u64,
+    },
+    /// The log of a session is not the one that was written.
+    #[error("the log is damaged after event {}: {}", .0.sound, .0.reason)]
+    Damaged(Damage),
     /// The database failed.
     #[error("{0}")]
     Down(String),
@@ -64,6 +82,8 @@ pub(crate) struct Store {
     closing: CancellationToken,
     /// Cancelled when the writer has done so.
     closed: CancellationToken,
+    /// Events that were acknowledged and are not there.
+    missing: i64,
 }
 
 impl Store {
@@ -72,21 +92,31 @@ impl Store {
     /// # Errors
     /// The file cannot be opened, or the engine does not give the guarantees that are promised.
     pub(crate) async fn open(database: &Path, limits: &Limits) -> Result<Self, OpenError> {
-        let connection = open::writer(database).await?;
+        let opened = open::open(database).await?;
         let readers = open::readers(database).await?;
-        Ok(Self::over(connection, readers, limits))
+        Ok(Self::over(opened, readers, limits))
     }
 
-    fn over(connection: SqliteConnection, readers: SqlitePool, limits: &Limits) -> Self {
+    /// Opens a log that another process may hold, as two servers of one file would.
+    #[cfg(test)]
+    pub(crate) async fn open_beside(database: &Path, limits: &Limits) -> Result<Self, OpenError> {
+        let opened = open::open_beside(database).await?;
+        let readers = open::readers(database).await?;
+        Ok(Self::over(opened, readers, limits))
+    }
+
+    fn over(opened: Opened, readers: SqlitePool, limits: &Limits) -> Self {
         let (jobs, queue) = mpsc::channel(limits.write_queue);
         let (closing, closed) = (CancellationToken::new(), CancellationToken::new());
-        let writer = write::run(connection, queue, limits.write_batch, closing.clone());
+        let missing = opened.missing;
+        let writer = Writer::new(opened, limits.database_bytes);
+        let writer = writer.run(queue, limits.write_batch, closing.clone());
         let announce = closed.clone().drop_guard();
         tokio::spawn(async move {
             writer.await;
             drop(announce);
         });
-        Self { readers, jobs, closing, closed }
+        Self { readers, jobs, closing, closed, missing }
     }
 
     /// Writes a session with its first event.
@@ -97,12 +127,36 @@ impl Store {
         self.write(Change::Create(Box::new((session, event)))).await
     }
 
-    /// Appends an event to the session and brings its head up to date.
+    /// Appends an event after the one with the link `before`, and brings the session's head up to date.
     ///
     /// # Errors
-    /// [`StoreError::Conflict`] when the session is gone or not at the revision before this event.
-    pub(crate) async fn append(&self, head: SessionHead, event: NewEvent) -> Result<(), StoreError> {
-        self.write(Change::Append(Box::new((head, event)))).await
+    /// [`StoreError::Conflict`] when the session is gone, set aside, or not at the revision before this event.
+    pub(crate) async fn append(
+        &self,
+        head: SessionHead,
+        before: Link,
+        event: NewEvent,
+    ) -> Result<(), StoreError> {
+        self.write(Change::Append(Box::new((head, before, event)))).await
+    }
+
+    /// Sets a session aside: lists say so, and nothing is appended any more. It need not be waited for, since damage
+    /// that is not noted is found again.
+    pub(crate) fn set_aside(&self, damage: Damage) {
+        let Damage { session_id, sound, reason } = &damage;
+        tracing::error!(session_id, sound, reason, "the log of a session is damaged: it is quarantined");
+        let _ = self.enqueue(Change::SetAside(damage));
+    }
+
+    /// Takes a session back that was set aside, since its log is sound after all.
+    pub(crate) fn restore(&self, session_id: &str) {
+        tracing::info!(session_id, "the log of a session is sound again");
+        let _ = self.enqueue(Change::Restore(session_id.to_owned()));
+    }
+
+    /// How many events were acknowledged and found missing at a start.
+    pub(crate) fn missing(&self) -> i64 {
+        self.missing
     }
 
     /// Removes a session with all its events.
@@ -113,10 +167,9 @@ impl Store {
         self.write(Change::Delete(deletion)).await
     }
 
-    /// Finds out whether the log can be written: by a small write after one that found no room, otherwise by an
-    /// empty commit, which costs nothing.
+    /// Finds out whether the log can be written: by a write that is synced, unless one was within the last second.
     pub(crate) async fn check_writable(&self) -> Result<(), StoreError> {
-        self.write(Change::Nothing).await
+        self.write(Change::Check).await
     }
 
     /// Ends once every write that was accepted before is on disk and the file is closed.
@@ -129,12 +182,16 @@ impl Store {
     }
 
     async fn write(&self, change: Change) -> Result<(), StoreError> {
+        self.enqueue(change)?.await.map_err(|_| StoreError::Down("the writer has stopped".into()))?
+    }
+
+    fn enqueue(&self, change: Change) -> Result<oneshot::Receiver<Result<(), StoreError>>, StoreError> {
         let (done, outcome) = oneshot::channel();
         self.jobs.try_send(Job { change, done }).map_err(|refused| match refused {
             mpsc::error::TrySendError::Full(_) => StoreError::QueueFull,
             mpsc::error::TrySendError::Closed(_) => StoreError::Down("the writer has stopped".into()),
         })?;
-        outcome.await.map_err(|_| StoreError::Down("the writer has stopped".into()))?
+        Ok(outcome)
     }
 }
 

@@ -14,6 +14,7 @@ mod clutter;
 mod concurrency;
 mod contact_faults;
 mod crash;
+mod damage;
 mod deletion;
 mod depth;
 mod doubts;

@@ -6,12 +6,13 @@ use base64::Engine;
 use base64::engine::general_purpose::URL_SAFE_NO_PAD;
 use palpate_proto::v1;
 use palpate_proto::v1::event::Kind;
+use tokio::time::Instant;
 
 use super::{Api, Call, bad_page_token, computed, page_size, request_key, stored};
 use crate::error::Error;
-use crate::session::Snapshot;
+use crate::session::{Snapshot, etag};
 use crate::sessions::{Created, Creation};
-use crate::store::{Filter, PageEnd, SessionRow};
+use crate::store::{Filter, PageEnd, SessionRow, StateFilter};
 use crate::wire::{event, from_proto, to_proto};
 
 impl Api {
@@ -66,15 +67,36 @@ impl Api {
         call: Call,
     ) -> Result<v1::Session, Error> {
         let v1::GetSessionRequest { session_id } = request;
-        self.run_on_session("GetSession", &session_id, &call, async |_| {
+        self.run_on_session("GetSession", &session_id, &call, async |deadline| {
             if let Some(snapshot) = self.sessions.loaded(&session_id) {
                 return Ok(to_proto::session(&snapshot));
             }
             let row = self.sessions.store.session(&session_id).await?;
             let row = row.ok_or_else(|| Error::SessionNotFound { session_id: session_id.clone() })?;
-            stored(&row.summary)
+            self.session_of(&row, deadline).await
         })
         .await
+    }
+
+    /// A session as its row says, where that can be trusted; otherwise as its log says.
+    async fn session_of(&self, row: &SessionRow, deadline: Instant) -> Result<v1::Session, Error> {
+        if let Some(summary) = self.sessions.trusted_summary(row).await?
+            && let Ok(session) = stored(summary)
+        {
+            return Ok(session);
+        }
+        match self.sessions.newest(&row.session_id, deadline).await {
+            Ok(snapshot) => Ok(to_proto::session(&snapshot)),
+            Err(Error::SessionQuarantined { session_id, sound, reason }) => {
+                let quarantine = Some(v1::Quarantine { reason, sound_revision: sound, head: row.head });
+                let etag = etag(row.created_us, row.head);
+                let mut session =
+                    v1::Session { session_id, revision: sound, etag, quarantine, ..Default::default() };
+                session.set_state(v1::SessionState::Quarantined);
+                Ok(session)
+            }
+            Err(other) => Err(other),
+        }
     }
 
     /// A page of sessions, newest first.
@@ -86,7 +108,7 @@ impl Api {
         request: v1::ListSessionsRequest,
         call: Call,
     ) -> Result<v1::ListSessionsResponse, Error> {
-        self.run("ListSessions", "", &call, async |_| {
+        self.run("ListSessions", "", &call, async |deadline| {
             let v1::ListSessionsRequest { page_size: wanted, page_token, experiment, labels, state } =
                 request;
             from_proto::check_labels(&labels, &self.limits)?;
@@ -102,8 +124,12 @@ impl Api {
             let mut rows = self.sessions.store.list(&filter, after.as_ref(), wanted).await?;
             let has_more = rows.len() > count;
             rows.truncate(count);
-            let next_page_token = rows.last().filter(|_| has_more).map(encode_token).unwrap_or_default();
-            let sessions = rows.iter().map(|row| stored(&row.summary)).collect::<Result<_, _>>()?;
+            let next_page_token =
+                rows.last().filter(|_| has_more).map(|row| encode_token(&row.page_end())).unwrap_or_default();
+            let mut sessions = Vec::with_capacity(rows.len());
+            for row in &rows {
+                sessions.push(self.session_of(row, deadline).await?);
+            }
             Ok(v1::ListSessionsResponse { sessions, next_page_token })
         })
         .await
@@ -129,16 +155,18 @@ impl Api {
     }
 }
 
-fn state_filter(state: i32) -> Result<Option<i32>, Error> {
+fn state_filter(state: i32) -> Result<Option<StateFilter>, Error> {
     match v1::SessionState::try_from(state) {
         Ok(v1::SessionState::Unspecified) => Ok(None),
-        Ok(_) => Ok(Some(state)),
+        Ok(v1::SessionState::Quarantined) => Ok(Some(StateFilter::SetAside)),
+        Ok(_) => Ok(Some(StateFilter::Is(state))),
         Err(_) => Err(Error::field("state", format!("{state} is no state"))),
     }
 }
 
-fn encode_token(last: &SessionRow) -> String {
-    URL_SAFE_NO_PAD.encode(format!("{}/{}", last.created_us, last.session_id))
+fn encode_token(last: &PageEnd) -> String {
+    let PageEnd { created_us, session_id } = last;
+    URL_SAFE_NO_PAD.encode(format!("{created_us}/{session_id}"))
 }
 
 fn decode_token(token: &str) -> Result<PageEnd, Error> {
@@ -156,9 +184,8 @@ mod tests {
 
     #[test]
     fn a_page_token_is_read_back_and_a_foreign_one_refused() {
-        let row = SessionRow { session_id: "a-mug".into(), created_us: 17, head: 1, summary: Vec::new() };
-        let end = decode_token(&encode_token(&row)).unwrap();
-        assert_eq!(end, PageEnd { created_us: 17, session_id: "a-mug".into() });
+        let end = PageEnd { created_us: 17, session_id: "a-mug".into() };
+        assert_eq!(decode_token(&encode_token(&end)).unwrap(), end);
         for foreign in ["x", "!!!", "MTc"] {
             assert_eq!(decode_token(foreign), Err(bad_page_token()));
         }

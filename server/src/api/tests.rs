@@ -11,7 +11,7 @@ use crate::session::Snapshot;
 use crate::sessions::Change;
 
 async fn service(folder: &TempDir, limits: Limits) -> Api {
-    let store = Store::open(&folder.path().join("log.db"), &limits).await.unwrap();
+    let store = Store::open_beside(&folder.path().join("log.db"), &limits).await.unwrap();
     Api::new(store, limits, CancellationToken::new())
 }
 
@@ -110,7 +110,10 @@ async fn an_event_that_cannot_be_replayed_quarantines_its_session_alone() {
     let refused = api.add_visual_prior(view("broken", "b", 0.0), Call::default()).await.unwrap_err();
     assert_eq!(refused.reason(), "SESSION_QUARANTINED");
     let broken = get(&api, "broken").await;
-    assert_eq!((broken.state(), broken.revision), (v1::SessionState::Quarantined, 3));
+    assert_eq!((broken.state(), broken.revision), (v1::SessionState::Quarantined, 2));
+    let quarantine = broken.quarantine.unwrap();
+    assert_eq!((quarantine.sound_revision, quarantine.head), (2, 3));
+    assert!(quarantine.reason.contains("event 3"), "{quarantine:?}");
     let readable = v1::GetMeshRequest { session_id: "broken".into(), revision: 2, ..Default::default() };
     assert!(api.get_mesh(readable, Call::default()).await.is_ok());
     assert!(api.add_visual_prior(view("whole", "a", 0.0), Call::default()).await.is_ok());

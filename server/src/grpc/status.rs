@@ -31,7 +31,7 @@ fn add_subject(details: &mut ErrorDetails, error: &Error) {
         | Error::SessionExists { session_id } => {
             details.set_resource_info("session", session_id, "", text);
         }
-        Error::SessionQuarantined { session_id } => {
+        Error::SessionQuarantined { session_id, sound: _, reason: _ } => {
             details.add_precondition_failure_violation(error.reason(), session_id, text);
         }
         Error::NoVisualPrior | Error::SessionFull { .. } => {

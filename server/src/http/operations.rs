@@ -22,11 +22,14 @@ pub(super) async fn livez() -> &'static str {
 
 /// May traffic be sent here?
 ///
-/// Only when the database is migrated and writable and the server is not about to stop.
+/// Only when a row could be written to the database, and the server is not about to stop. More lines follow where
+/// sessions are quarantined, or acknowledged events were missing when the server started.
 #[utoipa::path(get, path = "/readyz", tag = "operations", responses((status = 200, description = "Yes", body = String)))]
-pub(super) async fn readyz(State(api): State<Api>) -> Result<&'static str, Problem> {
+pub(super) async fn readyz(State(api): State<Api>) -> Result<String, Problem> {
     api.ready().await?;
-    Ok("ready\n")
+    let (quarantined, missing) = api.losses().await?;
+    let line = |name: &str, count: i64| if count > 0 { format!("{name}: {count}\n") } else { String::new() };
+    Ok(["ready\n", &line("quarantined sessions", quarantined), &line("missing events", missing)].concat())
 }
 
 /// Versions, capabilities and limits

@@ -26,8 +26,8 @@ pub(crate) trait Aggregate: Send + Sync + Sized + 'static {
     /// Why it does not.
     fn check_open(&self) -> Result<(), Error>;
 
-    /// The same state, set aside because the event `revision` cannot be replayed on it.
-    fn quarantined(&self, revision: i64) -> Self;
+    /// The same state, the last sound one of a log that is damaged after it and should go on to `head`.
+    fn quarantined(&self, reason: &str, head: i64) -> Self;
 }
 
 /// Makes the state after a stored event, which is the creation where there is no state before.

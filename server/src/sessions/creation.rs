@@ -5,7 +5,7 @@ use uuid::Uuid;
 use super::{ATTEMPTS, Aggregate, Created, Creation, Reply, RequestKey, Sessions, contended, recorded};
 use crate::error::Error;
 use crate::session::now_us;
-use crate::store::{NewSession, StoreError};
+use crate::store::{NewSession, StoreError, first_link};
 
 impl<S: Aggregate> Sessions<S> {
     pub(super) async fn create_now(&self, creation: &Creation<S>) -> Result<Reply, Error> {
@@ -18,7 +18,7 @@ impl<S: Aggregate> Sessions<S> {
             }
             self.check_quota().await?;
             let Created { event, computed, experiment, labels } = create(&session_id, now_us())?;
-            let (_, head, event) = recorded(computed, request, event, actor);
+            let (_, head, event) = recorded(computed, request, event, actor, &first_link(&session_id));
             let session = NewSession { head, experiment, labels };
             let reply = event.reply.clone();
             match self.store.create(session, event).await {

@@ -10,9 +10,33 @@ use tokio::time::Instant;
 
 use super::States;
 use crate::error::Error;
+use crate::store::{Link, first_link};
 
 /// What one change takes, roughly; only the advice on when to try again rests on it.
 const TYPICAL_CHANGE: Duration = Duration::from_millis(20);
+
+/// Where the log of a session ends.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Head {
+    /// The link of the last event.
+    pub(super) link: Link,
+    /// What the events take, roughly, in bytes.
+    pub(super) bytes: u64,
+}
+
+impl Head {
+    /// That of a log without events.
+    pub(super) fn empty(session_id: &str) -> Self {
+        Self { link: first_link(session_id), bytes: 0 }
+    }
+}
+
+/// A state, and where the log ends that it was folded from.
+#[derive(Debug)]
+pub(super) struct Replayed<S> {
+    pub(super) state: Arc<S>,
+    pub(super) head: Head,
+}
 
 /// A session in memory.
 #[derive(Debug)]
@@ -24,6 +48,8 @@ pub(super) struct Live<S> {
     /// The one permit, handed on in the order of arrival.
     permit: Semaphore,
     newest: OnceCell<watch::Sender<Arc<S>>>,
+    /// Where its log ends; whoever holds the permit reads and writes it.
+    head: Mutex<Option<Head>>,
     gone: AtomicBool,
     last_used: AtomicU64,
 }
@@ -42,6 +68,7 @@ impl<S> Live<S> {
             queue,
             permit: Semaphore::new(1),
             newest: OnceCell::new(),
+            head: Mutex::new(None),
             gone: AtomicBool::new(false),
             last_used: AtomicU64::new(0),
         }
@@ -63,19 +90,33 @@ impl<S> Live<S> {
     }
 
     /// The newest state and those to come, computed by `replay` where there is none yet.
-    pub(super) async fn load<Replay: Future<Output = Result<Arc<S>, Error>>>(
+    pub(super) async fn load<Replay: Future<Output = Result<Replayed<S>, Error>>>(
         &self,
         replay: impl FnOnce() -> Replay,
     ) -> Result<States<S>, Error> {
-        let load = async || Ok::<_, Error>(watch::Sender::new(replay().await?));
+        let load = async || {
+            let Replayed { state, head } = replay().await?;
+            self.set_head(head);
+            Ok::<_, Error>(watch::Sender::new(state))
+        };
         Ok(self.newest.get_or_try_init(load).await?.subscribe())
     }
 
-    /// Makes `state` the newest; whoever holds the permit calls this.
-    pub(super) fn publish(&self, state: impl Into<Arc<S>>) {
+    /// Makes a state the newest; whoever holds the permit calls this.
+    pub(super) fn publish(&self, Replayed { state, head }: Replayed<S>) {
+        self.set_head(head);
         if let Some(newest) = self.newest.get() {
-            newest.send_replace(state.into());
+            newest.send_replace(state);
         }
+    }
+
+    /// Where the log ends that the newest state was folded from.
+    pub(super) fn head(&self) -> Option<Head> {
+        *self.head.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn set_head(&self, head: Head) {
+        *self.head.lock().unwrap_or_else(PoisonError::into_inner) = Some(head);
     }
 
     /// Whether the session was removed while the caller waited.

@@ -1,49 +1,123 @@
-//! Replay: a session's state computed again from its log.
+//! Replay: a session's state computed again from its log, which is trusted as far as its links hold.
 
 use std::sync::Arc;
 
 use tokio::time::Instant;
 
-use super::live::Live;
-use super::{Aggregate, Fold, FoldError, Sessions};
+use super::live::{Head, Live, Replayed};
+use super::{ATTEMPTS, Aggregate, Fold, FoldError, Sessions, contended};
 use crate::error::Error;
-use crate::store::EventRow;
+use crate::store::{Damage, EventRow, SessionRow, StoreError};
 
 /// Events folded in one job, so that a long log does not keep a thread from others.
 const PAGE: i64 = 16;
 
-/// How far a page could be folded.
-struct FoldedPage<S> {
+/// How far a log could be folded.
+struct Folded<S> {
     state: Option<Arc<S>>,
-    stopped: Option<FoldError>,
+    head: Head,
+    damage: Option<Damage>,
 }
 
 impl<S: Aggregate> Sessions<S> {
     /// Folds the events after `from` up to the revision `to`, or as many as there are.
     ///
-    /// A log that cannot be folded gives its last sound state, quarantined.
+    /// A log that is damaged gives its last sound state, quarantined.
+    ///
+    /// # Errors
+    /// There is no such session, not even its first event is sound, or the log cannot be read in time.
     pub(super) async fn replay(
         &self,
         session_id: &str,
-        from: Option<Arc<S>>,
+        from: Option<Replayed<S>>,
         to: i64,
         deadline: Instant,
-    ) -> Result<Arc<S>, Error> {
-        let mut state = from;
-        loop {
-            let after = state.as_ref().map_or(0, |state| state.revision());
-            let page = self.store.events(session_id, after, PAGE.min(to - after)).await?;
-            if page.is_empty() {
-                return state.ok_or_else(|| not_found(session_id));
-            }
-            let fold = self.fold;
-            let folded = self.pool.run(deadline, move || fold_page(fold, state, &page)).await?;
-            match (folded.state, folded.stopped) {
-                (next, None) => state = next,
-                (Some(sound), Some(failure)) => return self.quarantine(&*sound, to, &failure).await,
-                (None, Some(failure)) => return Err(Error::internal(format!("{session_id}: {failure}"))),
+    ) -> Result<Replayed<S>, Error> {
+        for _ in 0..ATTEMPTS {
+            let row = self.row(session_id).await?;
+            let (state, head) = match &from {
+                Some(from) => (Some(from.state.clone()), from.head),
+                None => (None, Head::empty(session_id)),
+            };
+            let start = Folded { state, head, damage: None };
+            let folded = self.fold_on(&row, start, to.min(row.head), deadline).await?;
+            let Some(damage) = folded.damage else {
+                let state = folded.state.ok_or_else(|| not_found(session_id))?;
+                if row.damage().is_some() && from.is_none() && to >= row.head {
+                    self.store.restore(session_id);
+                }
+                return Ok(Replayed { state, head: folded.head });
+            };
+            // A session that was deleted or went on meanwhile is not damaged.
+            let now = self.row(session_id).await?;
+            if (now.created_us, now.head) == (row.created_us, row.head) {
+                return self.set_aside(&row, damage, folded.state, folded.head);
             }
         }
+        Err(contended())
+    }
+
+    async fn fold_on(
+        &self,
+        row: &SessionRow,
+        start: Folded<S>,
+        end: i64,
+        deadline: Instant,
+    ) -> Result<Folded<S>, Error> {
+        let session_id = row.session_id.as_str();
+        let mut folded = start;
+        let damage = |sound: i64, reason: String| Damage { session_id: session_id.to_owned(), sound, reason };
+        loop {
+            let after = folded.revision();
+            if after >= end {
+                break;
+            }
+            let page = match self.store.events(session_id, after, PAGE.min(end - after)).await {
+                Err(StoreError::Damaged(damage)) => return Ok(Folded { damage: Some(damage), ..folded }),
+                page => page?,
+            };
+            if page.is_empty() {
+                break;
+            }
+            let (fold, id) = (self.fold, session_id.to_owned());
+            folded = self.pool.run(deadline, move || fold_page(fold, &id, folded, &page)).await?;
+            if folded.damage.is_some() {
+                return Ok(folded);
+            }
+        }
+        let last = folded.revision();
+        if end < row.head && last == end {
+            return Ok(folded);
+        }
+        let is_another = |state: &Arc<S>| state.identity().1 != row.created_us;
+        let disagreement = row.disagreement(last, &folded.head.link).or_else(|| {
+            folded.state.as_ref().is_some_and(is_another).then(|| "was created at another time".to_owned())
+        });
+        folded.damage = disagreement.map(|reason| damage(last, reason));
+        Ok(folded)
+    }
+
+    fn set_aside(
+        &self,
+        row: &SessionRow,
+        damage: Damage,
+        sound: Option<Arc<S>>,
+        head: Head,
+    ) -> Result<Replayed<S>, Error> {
+        if row.damage().as_ref() != Some(&damage) {
+            self.store.set_aside(damage.clone());
+        }
+        match sound {
+            Some(sound) => {
+                let state = Arc::new(sound.quarantined(&damage.reason, row.head));
+                Ok(Replayed { state, head })
+            }
+            None => Err(StoreError::Damaged(damage).into()),
+        }
+    }
+
+    async fn row(&self, session_id: &str) -> Result<SessionRow, Error> {
+        self.store.session(session_id).await?.ok_or_else(|| not_found(session_id))
     }
 
     /// Whether the log has moved on since this state.
@@ -53,14 +127,14 @@ impl<S: Aggregate> Sessions<S> {
         Ok(row.is_none_or(|row| (row.created_us, row.head) != (created_us, state.revision())))
     }
 
-    /// Brings a session in memory up to what another process has written.
+    /// Brings a session in memory up to what the log says: another process has written, or it was found damaged.
     pub(super) async fn catch_up(
         &self,
         session_id: &str,
         live: &Arc<Live<S>>,
         deadline: Instant,
     ) -> Result<(), Error> {
-        tracing::warn!(session_id, "another process writes to this session");
+        tracing::warn!(session_id, "the log of a session is not where this process left it");
         let row = self.store.session(session_id).await?;
         let Some(row) = row else {
             live.mark_gone();
@@ -68,38 +142,50 @@ impl<S: Aggregate> Sessions<S> {
             return Err(not_found(session_id));
         };
         let known = self.loaded(session_id).filter(|known| known.identity().1 == row.created_us);
+        let known = known.filter(|_| row.damage().is_none());
+        let known = known.zip(live.head()).map(|(state, head)| Replayed { state, head });
         live.publish(self.replay(session_id, known, i64::MAX, deadline).await?);
         Ok(())
     }
+}
 
-    async fn quarantine(&self, sound: &S, to: i64, failure: &FoldError) -> Result<Arc<S>, Error> {
-        let (session_id, _) = sound.identity();
-        tracing::error!(session_id, %failure, "a session's log cannot be replayed: it is quarantined");
-        let row = self.store.session(session_id).await?;
-        let head = row.ok_or_else(|| not_found(session_id))?.head;
-        Ok(Arc::new(sound.quarantined(head.min(to))))
+impl<S: Aggregate> Folded<S> {
+    fn revision(&self) -> i64 {
+        self.state.as_ref().map_or(0, |state| state.revision())
     }
 }
 
-fn fold_page<S: Aggregate>(fold: Fold<S>, mut state: Option<Arc<S>>, page: &[EventRow]) -> FoldedPage<S> {
+fn fold_page<S: Aggregate>(
+    fold: Fold<S>,
+    session_id: &str,
+    mut folded: Folded<S>,
+    page: &[EventRow],
+) -> Folded<S> {
     for row in page {
-        match fold(state.as_deref(), row) {
+        match fold(folded.state.as_deref(), row).and_then(|next| checked(next, row)) {
             Ok(next) => {
-                check_hash(&next, row);
-                state = Some(Arc::new(next));
+                folded.head = Head { link: row.own_link(), bytes: folded.head.bytes + row.bytes() };
+                folded.state = Some(Arc::new(next));
             }
-            Err(failure) => return FoldedPage { state, stopped: Some(failure) },
+            Err(failure) => {
+                let session_id = session_id.to_owned();
+                let (sound, reason) = (failure.seq - 1, failure.to_string());
+                folded.damage = Some(Damage { session_id, sound, reason });
+                break;
+            }
         }
     }
-    FoldedPage { state, stopped: None }
+    folded
 }
 
-/// The log rules: a state that differs from the recorded one is used all the same, and reported.
-fn check_hash<S: Aggregate>(state: &S, row: &EventRow) {
-    if row.algorithm_version == S::ALGORITHM_VERSION && row.state_hash != state.state_hash() {
-        let (session_id, _) = state.identity();
-        tracing::error!(session_id, seq = row.seq, "replay gave another state than was recorded");
+/// The same state, where it is the one that was recorded; one of another version may differ.
+fn checked<S: Aggregate>(state: S, row: &EventRow) -> Result<S, FoldError> {
+    if row.algorithm_version != S::ALGORITHM_VERSION || row.state_hash == state.state_hash() {
+        return Ok(state);
     }
+    let reason =
+        "its replay gives another state than was recorded under this version of the method".to_owned();
+    Err(FoldError { seq: row.seq, reason })
 }
 
 fn not_found(session_id: &str) -> Error {

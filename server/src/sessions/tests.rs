@@ -42,7 +42,7 @@ impl Aggregate for Toy {
         Ok(())
     }
 
-    fn quarantined(&self, _revision: i64) -> Self {
+    fn quarantined(&self, _reason: &str, _head: i64) -> Self {
         panic!("every log of this test can be replayed")
     }
 }
@@ -347,7 +347,7 @@ impl World {
 
 async fn open(folder: &TempDir) -> Arc<Sessions<Toy>> {
     let limits = Limits { live_sessions: 2, past_states: 2, ..Limits::default() };
-    let store = Store::open(&folder.path().join("log.db"), &limits).await.unwrap();
+    let store = Store::open_beside(&folder.path().join("log.db"), &limits).await.unwrap();
     let pool = Pool::new(2, limits.compute_queue_per_core);
     Arc::new(Sessions::new(store, pool, fold, Arc::new(limits), CancellationToken::new()))
 }

@@ -1,11 +1,22 @@
 //! Opening the log: the pragmas that durability rests on are set, read back and insisted on.
+//!
+//! ```text
+//! lock --> tables brought up to date --> pages and tables as they should be? --> old events linked --> witness heard
+//! ```
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Duration;
 
 use sqlx::migrate::{MigrateError, Migrator};
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
-use sqlx::{SqliteConnection, SqlitePool};
+use sqlx::{ConnectOptions, SqliteConnection, SqlitePool};
+use uuid::Uuid;
+
+use super::files::{self, OpenedFiles};
+use super::linking;
+use super::witness::{Testimony, Witness};
 
 static MIGRATIONS: Migrator = sqlx::migrate!("../migrations");
 
@@ -18,6 +29,7 @@ const BUSY_TIMEOUT: Duration = Duration::from_secs(5);
 /// Primary result codes of SQLite.
 const SQLITE_PERM: i64 = 3;
 const SQLITE_READONLY: i64 = 8;
+pub(super) const SQLITE_CORRUPT: i64 = 11;
 pub(super) const SQLITE_FULL: i64 = 13;
 const SQLITE_CANTOPEN: i64 = 14;
 const SQLITE_NOTADB: i64 = 26;
@@ -43,6 +55,34 @@ pub enum OpenError {
     /// A question to the engine failed.
     #[error("the database does not answer: {0}")]
     Query(#[from] sqlx::Error),
+    /// Another server holds the log.
+    #[error(
+        "another server holds the database {path:?}: stop it first, or choose another file (one server serves a file)"
+    )]
+    InUse {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Pages of the file are damaged.
+    #[error(
+        "the database {path:?} is damaged ({found}): restore a copy, or save what can be read with `sqlite3 OLD .recover`"
+    )]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What the engine found first.
+        found: String,
+    },
+    /// The tables are not those of this version.
+    #[error(
+        "the database {path:?} has other tables than this version makes ({what}): restore a copy, or choose another file"
+    )]
+    Schema {
+        /// The file.
+        path: PathBuf,
+        /// What differs.
+        what: String,
+    },
     /// The engine is one that may lose data.
     #[error("SQLite {found} may corrupt its log of changes: {}.{}.{} or newer is needed", OLDEST_SQLITE[0], OLDEST_SQLITE[1], OLDEST_SQLITE[2])]
     OldSqlite {
@@ -81,7 +121,12 @@ fn reason(path: &Path, source: &sqlx::Error) -> String {
         }
         Some(SQLITE_NOTADB) => "it is not an SQLite database: choose another file".to_owned(),
         Some(SQLITE_FULL) => "the disk is full: make room, and start again".to_owned(),
-        _ => source.to_string(),
+        _ => match source {
+            sqlx::Error::Io(error) => {
+                format!("it or its folder {folder:?} cannot be written ({error}): check who may")
+            }
+            other => other.to_string(),
+        },
     }
 }
 
@@ -89,6 +134,147 @@ fn reason(path: &Path, source: &sqlx::Error) -> String {
 pub(super) fn primary_code(error: &sqlx::Error) -> Option<i64> {
     let code: i64 = error.as_database_error()?.code()?.parse().ok()?;
     Some(code & 0xff)
+}
+
+/// An open log.
+#[derive(Debug)]
+pub(super) struct Opened {
+    pub(super) database: PathBuf,
+    pub(super) connection: SqliteConnection,
+    /// The files as they are now.
+    pub(super) files: OpenedFiles,
+    pub(super) witness: Arc<Witness>,
+    /// Tells this log from another one in its place.
+    pub(super) identity: String,
+    /// Events that were ever appended.
+    pub(super) appended: i64,
+    /// Events that were acknowledged and are not there.
+    pub(super) missing: i64,
+}
+
+/// Opens the log, or makes a new one.
+///
+/// # Errors
+/// It cannot be opened, another server holds it, or it is damaged as a whole.
+pub(super) async fn open(database: &Path) -> Result<Opened, OpenError> {
+    let failed = |source| OpenError::Open { path: database.into(), source };
+    if database.is_dir() {
+        return Err(failed(sqlx::Error::Io(std::io::ErrorKind::IsADirectory.into())));
+    }
+    let witness = Witness::open(database).map_err(|error| failed(error.into()))?;
+    let witness = Arc::new(witness.ok_or_else(|| OpenError::InUse { path: database.into() })?);
+    let opened = open_held(database, &witness).await;
+    if opened.is_err() {
+        witness.remove_if_new();
+    }
+    opened
+}
+
+/// The same without the lock.
+#[cfg(test)]
+pub(super) async fn open_beside(database: &Path) -> Result<Opened, OpenError> {
+    open_held(database, &Arc::new(Witness::beside(database))).await
+}
+
+async fn open_held(database: &Path, witness: &Arc<Witness>) -> Result<Opened, OpenError> {
+    let failed = |source| OpenError::Open { path: database.into(), source };
+    files::create_private(database).map_err(|error| failed(error.into()))?;
+    let mut connection = writer(database).await?;
+    check_pages(&mut connection, database).await?;
+    check_tables(&mut connection, database).await?;
+    linking::link_all(&mut connection).await?;
+    // Something is written, so that the log of changes is there.
+    sqlx::query(
+        "insert into log (id, identity, appended, missing, checked_us)
+         values (1, $1, (select count(*) from events), 0, 0)
+         on conflict (id) do update set checked_us = checked_us + 1",
+    )
+    .bind(Uuid::now_v7().to_string())
+    .execute(&mut connection)
+    .await?;
+    let (identity, appended, missing) = hear(&mut connection, witness).await?;
+    let files = OpenedFiles::of(database).map_err(|error| failed(error.into()))?;
+    let (database, witness) = (database.to_owned(), Arc::clone(witness));
+    Ok(Opened { database, connection, files, witness, identity, appended, missing })
+}
+
+/// The identity of the log, how many events it had ever, and how many of them are missing by what its witness says.
+async fn hear(connection: &mut SqliteConnection, witness: &Witness) -> Result<(String, i64, i64), OpenError> {
+    let query = sqlx::query_as("select identity, appended, missing from log");
+    let (identity, mut appended, mut missing): (String, i64, i64) = query.fetch_one(&mut *connection).await?;
+    let failed =
+        |error: std::io::Error| OpenError::Open { path: witness.path().into(), source: error.into() };
+    match witness.read().map_err(failed)? {
+        Some(said) if said.identity == identity && said.appended > appended => {
+            let lost = said.appended - appended;
+            tracing::error!(
+                missing = lost,
+                "events that were acknowledged are missing: the database or its log of changes was cut or put back"
+            );
+            (appended, missing) = (said.appended, missing + lost);
+            sqlx::query("update log set appended = $1, missing = $2")
+                .bind(appended)
+                .bind(missing)
+                .execute(connection)
+                .await?;
+        }
+        Some(said) if said.identity != identity => {
+            tracing::warn!(
+                path = %witness.path().display(),
+                "the witness is of another database, so what is missing here cannot be told"
+            );
+        }
+        Some(_) | None => {}
+    }
+    let testimony = Testimony { identity, appended };
+    witness.rewrite(&testimony).map_err(failed)?;
+    Ok((testimony.identity, appended, missing))
+}
+
+/// The writer's connection again, after a failure, and how many events there were ever.
+///
+/// # Errors
+/// It cannot be opened.
+pub(super) async fn reopened(database: &Path) -> Result<(SqliteConnection, i64), sqlx::Error> {
+    let options = options(database).synchronous(SqliteSynchronous::Full);
+    let mut connection = options.connect().await?;
+    let appended = sqlx::query_scalar("select appended from log").fetch_one(&mut connection).await?;
+    Ok((connection, appended))
+}
+
+async fn check_pages(connection: &mut SqliteConnection, database: &Path) -> Result<(), OpenError> {
+    let found: Result<String, _> = sqlx::query_scalar("pragma quick_check(1)").fetch_one(connection).await;
+    let found = match found {
+        Ok(found) if found == "ok" => return Ok(()),
+        Ok(found) => found,
+        Err(error) if primary_code(&error) == Some(SQLITE_CORRUPT) => error.to_string(),
+        Err(error) => return Err(error.into()),
+    };
+    Err(OpenError::Damaged { path: database.into(), found })
+}
+
+/// The statements that made the tables, indices and triggers, by their names.
+async fn made_by(connection: &mut SqliteConnection) -> Result<BTreeMap<String, String>, sqlx::Error> {
+    let query =
+        "select name, sql from sqlite_schema where sql is not null and name not like '\\_sqlx%' escape '\\'";
+    let rows: Vec<(String, String)> = sqlx::query_as(query).fetch_all(connection).await?;
+    Ok(rows.into_iter().collect())
+}
+
+/// Compares the tables with those of a new log; others may be there, too.
+async fn check_tables(connection: &mut SqliteConnection, database: &Path) -> Result<(), OpenError> {
+    let options = SqliteConnectOptions::new().in_memory(true);
+    let new = SqlitePoolOptions::new().max_connections(1).connect_with(options).await?;
+    MIGRATIONS.run(&new).await?;
+    let wanted = made_by(&mut *new.acquire().await?).await?;
+    let found = made_by(connection).await?;
+    match wanted.iter().find(|(name, sql)| found.get(*name) != Some(sql)) {
+        None => Ok(()),
+        Some((name, _)) => {
+            let is_there = if found.contains_key(name) { "is another" } else { "is missing" };
+            Err(OpenError::Schema { path: database.into(), what: format!("{name:?} {is_there}") })
+        }
+    }
 }
 
 /// The one connection that writes, with migrations run and guarantees checked.
@@ -200,8 +386,37 @@ mod tests {
             // Not even root may write there.
             (Path::new("/proc/palpate.db"), "cannot be written"),
         ] {
-            let error = writer(path).await.unwrap_err().to_string();
+            let error = open(path).await.unwrap_err().to_string();
             assert!(error.contains(path.to_str().unwrap()) && error.contains(reason), "{error}");
         }
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing was left behind");
+    }
+
+    #[tokio::test]
+    async fn a_log_that_another_server_holds_or_whose_tables_were_changed_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let database = folder.path().join("palpate.db");
+        let mut opened = open(&database).await.unwrap();
+        assert!(matches!(open(&database).await, Err(OpenError::InUse { .. })));
+        sqlx::query("drop trigger events_are_never_removed").execute(&mut opened.connection).await.unwrap();
+        sqlx::query("create view mine as select 1").execute(&mut opened.connection).await.unwrap();
+        drop(opened);
+        let error = open(&database).await.unwrap_err().to_string();
+        assert!(error.contains("\"events_are_never_removed\" is missing"), "{error}");
+    }
+
+    #[tokio::test]
+    async fn events_that_were_acknowledged_and_are_gone_are_counted_at_the_next_start() {
+        let folder = tempfile::tempdir().unwrap();
+        let database = folder.path().join("palpate.db");
+        let opened = open(&database).await.unwrap();
+        let (identity, appended) = (opened.identity.clone(), opened.appended + 7);
+        opened.witness.write(&Testimony { identity, appended }).unwrap();
+        drop(opened);
+        assert_eq!(open(&database).await.unwrap().missing, 7);
+        // It is said again at each start, and counted once.
+        assert_eq!(open(&database).await.unwrap().missing, 7);
+        std::fs::remove_file(files::beside(&database, "-witness")).unwrap();
+        assert_eq!(open(&database).await.unwrap().missing, 7);
     }
 }

@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 
 use sqlx::{FromRow, QueryBuilder, Sqlite};
 
-use super::{Store, StoreError};
+use super::change::Damage;
+use super::link::{self, Content, Link, Sealed};
+use super::{Store, StoreError, open};
 
 /// A session as `sessions` has it.
 #[derive(Clone, Debug, FromRow)]
@@ -12,7 +14,43 @@ pub(crate) struct SessionRow {
     pub(crate) session_id: String,
     pub(crate) created_us: i64,
     pub(crate) head: i64,
-    pub(crate) summary: Vec<u8>,
+    state: i32,
+    summary: Vec<u8>,
+    /// The link of the event at the head, if the row is right.
+    pub(crate) link: Option<Vec<u8>>,
+    seal: Option<Vec<u8>>,
+    damage: Option<String>,
+    sound: Option<i64>,
+}
+
+impl SessionRow {
+    /// The session as callers saw it last; nothing where the row is not as it was written.
+    pub(crate) fn summary(&self) -> Option<&[u8]> {
+        let Self { session_id, created_us, head, state, summary, link, .. } = self;
+        let (created_us, head, state) = (*created_us, *head, *state);
+        let sealed = Sealed { session_id, created_us, state, head, link: link.as_deref()?, summary };
+        (self.seal.as_deref() == Some(link::seal(&sealed).as_slice())).then_some(summary.as_slice())
+    }
+
+    /// Where a page ends that ends with this session.
+    pub(crate) fn page_end(&self) -> PageEnd {
+        PageEnd { created_us: self.created_us, session_id: self.session_id.clone() }
+    }
+
+    /// Why the log that ends with this event is not the one that the row knows; nothing where it is.
+    pub(crate) fn disagreement(&self, last: i64, link: &Link) -> Option<String> {
+        if last != self.head {
+            return Some(format!("the log ends at event {last}, and should go on to event {}", self.head));
+        }
+        (self.link.as_deref() != Some(link.as_slice()))
+            .then(|| format!("event {last} is not the last one that was appended: the log was put back"))
+    }
+
+    /// Why the session is set aside, if it is.
+    pub(crate) fn damage(&self) -> Option<Damage> {
+        let reason = self.damage.clone()?;
+        Some(Damage { session_id: self.session_id.clone(), sound: self.sound.unwrap_or(0), reason })
+    }
 }
 
 /// An event as it was appended.
@@ -20,6 +58,8 @@ pub(crate) struct SessionRow {
 pub(crate) struct EventRow {
     pub(crate) seq: i64,
     pub(crate) request_id: Option<String>,
+    pub(crate) request_digest: Vec<u8>,
+    pub(crate) kind: String,
     pub(crate) payload: Vec<u8>,
     pub(crate) reply: Vec<u8>,
     pub(crate) state_hash: String,
@@ -27,21 +67,80 @@ pub(crate) struct EventRow {
     pub(crate) algorithm_version: String,
     pub(crate) append_us: i64,
     pub(crate) actor: String,
+    /// Of this event; checked before the row is handed out.
+    pub(crate) link: Option<Vec<u8>>,
+    /// Of the event before it.
+    pub(crate) link_before: Option<Vec<u8>>,
 }
 
-/// The reply to the first request under a request id.
-#[derive(Clone, Debug, FromRow)]
-pub(crate) struct FirstReply {
-    pub(crate) request_digest: Vec<u8>,
-    pub(crate) reply: Vec<u8>,
+impl EventRow {
+    /// The link of the event, which has one since it was checked.
+    pub(crate) fn own_link(&self) -> Link {
+        self.link.as_deref().and_then(|link| link.try_into().ok()).unwrap_or_default()
+    }
+
+    /// What it takes in the log, roughly, in bytes.
+    pub(crate) fn bytes(&self) -> u64 {
+        (self.payload.len() + self.reply.len() + self.stats_after.len()) as u64
+    }
+
+    /// Whether the event says what it said when it was appended, after the event that was there then.
+    fn is_sound(&self, session_id: &str) -> bool {
+        let Self {
+            seq,
+            request_id,
+            request_digest,
+            kind,
+            payload,
+            reply,
+            state_hash,
+            stats_after,
+            algorithm_version,
+            append_us,
+            actor,
+            link,
+            link_before,
+        } = self;
+        let before = match (seq, link_before.as_deref()) {
+            (1, None) => link::first(session_id),
+            (_, Some(before)) => match before.try_into() {
+                Ok(before) => before,
+                Err(_) => return false,
+            },
+            (_, None) => return false,
+        };
+        let content = Content {
+            seq: *seq,
+            request_id: request_id.as_deref(),
+            request_digest,
+            kind,
+            payload,
+            reply,
+            state_hash,
+            stats_after,
+            algorithm_version,
+            append_us: *append_us,
+            actor,
+        };
+        link.as_deref() == Some(link::next(&before, &content).as_slice())
+    }
 }
 
 /// Which sessions to list; all that is given must match.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Filter {
     pub(crate) experiment: Option<String>,
-    pub(crate) state: Option<i32>,
+    pub(crate) state: Option<StateFilter>,
     pub(crate) labels: BTreeMap<String, String>,
+}
+
+/// Which states to list.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum StateFilter {
+    /// Sessions whose log cannot be trusted.
+    SetAside,
+    /// All others in this state.
+    Is(i32),
 }
 
 /// The last session of a page.
@@ -51,16 +150,27 @@ pub(crate) struct PageEnd {
     pub(crate) session_id: String,
 }
 
-const EVENT_COLUMNS: &str =
-    "seq, request_id, payload, reply, state_hash, stats_after, algorithm_version, append_us, actor";
+/// Events that are read at once when a log is proved.
+const PROVED_AT_ONCE: i64 = 8;
+
+const SESSION_COLUMNS: &str =
+    "session_id, created_us, head, state, summary, link, seal, damage, sound from sessions";
+const EVENT_COLUMNS: &str = "e.seq, e.request_id, e.request_digest, e.kind, e.payload, e.reply, e.state_hash, \
+    e.stats_after, e.algorithm_version, e.append_us, e.actor, e.link, before.link as link_before \
+    from events e left join events before on before.session_id = e.session_id and before.seq = e.seq - 1";
 
 impl Store {
     /// One session.
     pub(crate) async fn session(&self, session_id: &str) -> Result<Option<SessionRow>, StoreError> {
-        let query = sqlx::query_as(
-            "select session_id, created_us, head, summary from sessions where session_id = $1",
-        );
-        Ok(query.bind(session_id).fetch_optional(&self.readers).await?)
+        let mut query = QueryBuilder::<Sqlite>::new("select ");
+        query.push(SESSION_COLUMNS).push(" where session_id = ").push_bind(session_id);
+        Ok(query.build_query_as().fetch_optional(&self.readers).await?)
+    }
+
+    /// How many sessions are set aside because their log cannot be trusted.
+    pub(crate) async fn damaged_count(&self) -> Result<i64, StoreError> {
+        let query = sqlx::query_scalar("select count(*) from sessions where damage is not null");
+        Ok(query.fetch_one(&self.readers).await?)
     }
 
     /// How many sessions there are.
@@ -76,14 +186,19 @@ impl Store {
         count: i64,
     ) -> Result<Vec<SessionRow>, StoreError> {
         let Filter { experiment, state, labels } = filter;
-        let mut query = QueryBuilder::<Sqlite>::new(
-            "select session_id, created_us, head, summary from sessions where 1 = 1",
-        );
+        let mut query = QueryBuilder::<Sqlite>::new("select ");
+        query.push(SESSION_COLUMNS).push(" where 1 = 1");
         if let Some(experiment) = experiment {
             query.push(" and experiment = ").push_bind(experiment);
         }
-        if let Some(state) = state {
-            query.push(" and state = ").push_bind(state);
+        match state {
+            Some(StateFilter::SetAside) => {
+                query.push(" and damage is not null");
+            }
+            Some(StateFilter::Is(state)) => {
+                query.push(" and damage is null and state = ").push_bind(state);
+            }
+            None => {}
         }
         for (name, value) in labels {
             query.push(" and session_id in (select session_id from session_labels where name = ");
@@ -97,29 +212,106 @@ impl Store {
         Ok(query.build_query_as().fetch_all(&self.readers).await?)
     }
 
-    /// Up to `count` events with a seq above `after`, oldest first.
+    /// Up to `count` events with a seq above `after`, oldest first, each as it was appended. Fewer come before one
+    /// that is not.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`] when already the first is not the event that was appended after `after`.
     pub(crate) async fn events(
         &self,
         session_id: &str,
         after: i64,
         count: i64,
     ) -> Result<Vec<EventRow>, StoreError> {
-        let mut query = QueryBuilder::<Sqlite>::new("select ");
-        query.push(EVENT_COLUMNS).push(" from events where session_id = ").push_bind(session_id);
-        query.push(" and seq > ").push_bind(after).push(" order by seq limit ").push_bind(count);
-        Ok(query.build_query_as().fetch_all(&self.readers).await?)
+        let damaged = |reason: String| {
+            let damage = Damage { session_id: session_id.to_owned(), sound: after, reason };
+            self.set_aside(damage.clone());
+            StoreError::Damaged(damage)
+        };
+        let rows = match self.rows(session_id, after, count).await {
+            // One of them cannot be read: those before it can.
+            Err(error) if is_unreadable(&error) && count > 1 => self.rows(session_id, after, 1).await,
+            other => other,
+        };
+        let mut rows = match rows {
+            Err(error) if is_unreadable(&error) => {
+                return Err(damaged(format!("event {} cannot be read: {error}", after + 1)));
+            }
+            other => other?,
+        };
+        let expected = |index: usize| after + 1 + index as i64;
+        let is_sound =
+            |(index, row): (usize, &EventRow)| row.seq == expected(index) && row.is_sound(session_id);
+        let sound = rows.iter().enumerate().take_while(|numbered| is_sound(*numbered)).count();
+        if sound == 0
+            && let Some(first) = rows.first()
+        {
+            let wanted = after + 1;
+            return Err(damaged(if first.seq == wanted {
+                format!("event {wanted} is not as it was appended")
+            } else {
+                format!("event {wanted} is missing")
+            }));
+        }
+        rows.truncate(sound);
+        Ok(rows)
     }
 
-    /// The reply to the first request under this id, if there was one.
-    pub(crate) async fn first_reply(
+    async fn rows(&self, session_id: &str, after: i64, count: i64) -> Result<Vec<EventRow>, sqlx::Error> {
+        let mut query = QueryBuilder::<Sqlite>::new("select ");
+        query.push(EVENT_COLUMNS).push(" where e.session_id = ").push_bind(session_id);
+        query.push(" and e.seq > ").push_bind(after).push(" order by e.seq limit ").push_bind(count);
+        query.build_query_as().fetch_all(&self.readers).await
+    }
+
+    /// The event of the first request under this id, if there was one, as it was appended.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`] when it is not.
+    pub(crate) async fn first_under(
         &self,
         session_id: &str,
         request_id: &str,
-    ) -> Result<Option<FirstReply>, StoreError> {
-        let query = sqlx::query_as(
-            "select request_digest, reply from events where session_id = $1 and request_id = $2",
-        );
-        Ok(query.bind(session_id).bind(request_id).fetch_optional(&self.readers).await?)
+    ) -> Result<Option<EventRow>, StoreError> {
+        let mut query = QueryBuilder::<Sqlite>::new("select ");
+        query.push(EVENT_COLUMNS).push(" where e.session_id = ").push_bind(session_id);
+        query.push(" and e.request_id = ").push_bind(request_id);
+        let row: Option<EventRow> = query.build_query_as().fetch_optional(&self.readers).await?;
+        match row {
+            Some(row) if !row.is_sound(session_id) => {
+                let reason = format!("event {} is not as it was appended", row.seq);
+                let damage = Damage { session_id: session_id.to_owned(), sound: row.seq - 1, reason };
+                self.set_aside(damage.clone());
+                Err(StoreError::Damaged(damage))
+            }
+            row => Ok(row),
+        }
+    }
+
+    /// Reads all events of a session and compares them with what its row says, without looking into them: the bytes
+    /// that were read, or the damage that was found.
+    ///
+    /// # Errors
+    /// The database cannot be read.
+    pub(crate) async fn prove(&self, row: &SessionRow) -> Result<Result<u64, Damage>, StoreError> {
+        let (mut last, mut link, mut bytes) = (0, link::first(&row.session_id), 0);
+        while last < row.head {
+            let rows = match self.events(&row.session_id, last, PROVED_AT_ONCE.min(row.head - last)).await {
+                Err(StoreError::Damaged(damage)) => return Ok(Err(damage)),
+                other => other?,
+            };
+            let Some(newest) = rows.last() else { break };
+            (last, link) = (newest.seq, newest.own_link());
+            bytes += rows.iter().map(EventRow::bytes).sum::<u64>();
+        }
+        Ok(match row.disagreement(last, &link) {
+            None => Ok(bytes),
+            Some(reason) => {
+                let damage = Damage { session_id: row.session_id.clone(), sound: last, reason };
+                self.set_aside(damage.clone());
+                Err(damage)
+            }
+        })
     }
 
     /// The session that a creation made under this request id, if there was one; it may be deleted by now.
@@ -139,4 +331,10 @@ impl Store {
         );
         Ok(query.bind(session_id).bind(request_id).fetch_optional(&self.readers).await?)
     }
+}
+
+/// Whether an error says that what is on disk is no row of its table.
+fn is_unreadable(error: &sqlx::Error) -> bool {
+    matches!(error, sqlx::Error::ColumnDecode { .. })
+        || open::primary_code(error) == Some(open::SQLITE_CORRUPT)
 }

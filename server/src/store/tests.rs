@@ -3,16 +3,35 @@
 use super::*;
 
 async fn open(folder: &tempfile::TempDir) -> Store {
-    Store::open(&folder.path().join("log.db"), &Limits::default()).await.unwrap()
+    Store::open(&path(folder), &Limits::default()).await.unwrap()
 }
 
-fn head(session_id: &str) -> SessionHead {
-    SessionHead { session_id: session_id.into(), created_us: 7, state: 1, summary: b"summary".to_vec() }
+fn path(folder: &tempfile::TempDir) -> std::path::PathBuf {
+    folder.path().join("log.db")
 }
 
-fn session(session_id: &str) -> NewSession {
+impl Store {
+    /// Creates a session with its first event.
+    async fn begin(&self, session_id: &str, first: NewEvent) -> Result<(), StoreError> {
+        self.create(session(session_id, &first), first).await
+    }
+
+    /// Appends an event after the newest one.
+    async fn add(&self, session_id: &str, event: NewEvent) -> Result<(), StoreError> {
+        let row = self.session(session_id).await?.ok_or(StoreError::Conflict)?;
+        let before = row.link.unwrap().try_into().unwrap();
+        self.append(head(session_id, &event, &before), before, event).await
+    }
+}
+
+fn head(session_id: &str, event: &NewEvent, before: &Link) -> SessionHead {
+    let (session_id, summary, link) = (session_id.into(), b"summary".to_vec(), event.link(before));
+    SessionHead { session_id, created_us: 7, state: 1, summary, link }
+}
+
+fn session(session_id: &str, first: &NewEvent) -> NewSession {
     let labels = [("object".to_owned(), session_id.to_owned())].into();
-    NewSession { head: head(session_id), experiment: "bench".into(), labels }
+    NewSession { head: head(session_id, first, &first_link(session_id)), experiment: "bench".into(), labels }
 }
 
 fn event(seq: i64, request_id: &str) -> NewEvent {
@@ -35,16 +54,15 @@ fn event(seq: i64, request_id: &str) -> NewEvent {
 async fn what_was_acknowledged_is_there_after_reopening() {
     let folder = tempfile::tempdir().unwrap();
     let store = open(&folder).await;
-    store.create(session("mug"), event(1, "a")).await.unwrap();
-    store.append(head("mug"), event(2, "b")).await.unwrap();
-    // Dropped and not closed: as near to a kill as one process can come.
-    drop(store);
-    let store = open(&folder).await;
+    store.begin("mug", event(1, "a")).await.unwrap();
+    store.add("mug", event(2, "b")).await.unwrap();
+    // Not closed, and opened while it is held still: as near to a kill as one process can come.
+    let store = Store::open_beside(&path(&folder), &Limits::default()).await.unwrap();
     let events = store.events("mug", 0, 10).await.unwrap();
     assert_eq!(events.iter().map(|event| event.seq).collect::<Vec<_>>(), [1, 2]);
     assert_eq!(events[1].payload, [0, 255, 3]);
     assert_eq!(store.session("mug").await.unwrap().unwrap().head, 2);
-    let first = store.first_reply("mug", "b").await.unwrap().unwrap();
+    let first = store.first_under("mug", "b").await.unwrap().unwrap();
     assert_eq!((first.request_digest, first.reply), (vec![1], b"reply to b".to_vec()));
 }
 
@@ -52,10 +70,10 @@ async fn what_was_acknowledged_is_there_after_reopening() {
 async fn of_two_writers_of_one_seq_one_wins() {
     let folder = tempfile::tempdir().unwrap();
     // Two stores on one file stand for two processes.
-    let (one, other) = (open(&folder).await, open(&folder).await);
-    one.create(session("mug"), event(1, "a")).await.unwrap();
-    let (first, second) =
-        tokio::join!(one.append(head("mug"), event(2, "b")), other.append(head("mug"), event(2, "c")));
+    let one = open(&folder).await;
+    let other = Store::open_beside(&path(&folder), &Limits::default()).await.unwrap();
+    one.begin("mug", event(1, "a")).await.unwrap();
+    let (first, second) = tokio::join!(one.add("mug", event(2, "b")), other.add("mug", event(2, "c")));
     assert_eq!(usize::from(first.is_ok()) + usize::from(second.is_ok()), 1);
     assert_eq!(one.events("mug", 0, 10).await.unwrap().len(), 2);
 }
@@ -64,13 +82,13 @@ async fn of_two_writers_of_one_seq_one_wins() {
 async fn a_conflict_undoes_one_change_and_not_its_group() {
     let folder = tempfile::tempdir().unwrap();
     let store = open(&folder).await;
-    store.create(session("mug"), event(1, "a")).await.unwrap();
+    store.begin("mug", event(1, "a")).await.unwrap();
     let outcomes = tokio::join!(
-        store.create(session("can"), event(1, "c")),
-        store.append(head("mug"), event(5, "gap")),
-        store.append(head("mug"), event(2, "a")),
-        store.append(head("mug"), event(2, "b")),
-        store.append(head("pot"), event(2, "no such session")),
+        store.begin("can", event(1, "c")),
+        store.add("mug", event(5, "gap")),
+        store.add("mug", event(2, "a")),
+        store.add("mug", event(2, "b")),
+        store.add("pot", event(2, "no such session")),
     );
     assert!(outcomes.0.is_ok() && outcomes.3.is_ok());
     for refused in [outcomes.1, outcomes.2, outcomes.4] {
@@ -88,9 +106,9 @@ async fn many_writers_share_commits_and_lose_nothing() {
             let store = store.clone();
             tokio::spawn(async move {
                 let id = format!("session-{number}");
-                store.create(session(&id), event(1, &id)).await.unwrap();
+                store.begin(&id, event(1, &id)).await.unwrap();
                 for seq in 2..6 {
-                    store.append(head(&id), event(seq, &format!("r{seq}"))).await.unwrap();
+                    store.add(&id, event(seq, &format!("r{seq}"))).await.unwrap();
                 }
             })
         })
@@ -108,7 +126,7 @@ async fn many_writers_share_commits_and_lose_nothing() {
 async fn events_cannot_be_changed_or_removed_but_with_their_session() {
     let folder = tempfile::tempdir().unwrap();
     let store = open(&folder).await;
-    store.create(session("mug"), event(1, "a")).await.unwrap();
+    store.begin("mug", event(1, "a")).await.unwrap();
     let mut direct = open::writer(&folder.path().join("log.db")).await.unwrap();
     assert!(sqlx::query("update events set payload = x'00'").execute(&mut direct).await.is_err());
     assert!(sqlx::query("delete from events").execute(&mut direct).await.is_err());
@@ -126,23 +144,23 @@ async fn events_cannot_be_changed_or_removed_but_with_their_session() {
 #[tokio::test]
 async fn a_full_disk_is_told_apart_and_forgotten_once_there_is_room() {
     let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("log.db");
-    let mut connection = open::writer(&path).await.unwrap();
+    let path = path(&folder);
+    let mut opened = open::open(&path).await.unwrap();
     // A bound on the file stands for one on the disk.
-    let pages: i64 = sqlx::query_scalar("pragma page_count").fetch_one(&mut connection).await.unwrap();
+    let pages: i64 = sqlx::query_scalar("pragma page_count").fetch_one(&mut opened.connection).await.unwrap();
     let bound = sqlx::AssertSqlSafe(format!("pragma max_page_count = {}", pages + 12));
-    sqlx::query(bound).execute(&mut connection).await.unwrap();
-    let store = Store::over(connection, open::readers(&path).await.unwrap(), &Limits::default());
-    store.create(session("mug"), event(1, "a")).await.unwrap();
+    sqlx::query(bound).execute(&mut opened.connection).await.unwrap();
+    let store = Store::over(opened, open::readers(&path).await.unwrap(), &Limits::default());
+    store.begin("mug", event(1, "a")).await.unwrap();
     let large = NewEvent { payload: vec![7; 200_000], ..event(2, "b") };
-    assert!(matches!(store.append(head("mug"), large).await, Err(StoreError::Full)));
+    assert!(matches!(store.add("mug", large).await, Err(StoreError::Full)));
     assert!(matches!(store.check_writable().await, Err(StoreError::Full)), "it is not ready");
     assert_eq!(store.session("mug").await.unwrap().unwrap().head, 1, "readers go on");
     assert!(store.events("mug", 1, 10).await.unwrap().is_empty());
-    drop(store);
+    store.close().await;
 
     let store = open(&folder).await;
-    store.append(head("mug"), event(2, "b")).await.unwrap();
+    store.add("mug", event(2, "b")).await.unwrap();
     store.check_writable().await.unwrap();
 }
 
@@ -151,16 +169,17 @@ async fn lists_are_filtered_and_paged_newest_first() {
     let folder = tempfile::tempdir().unwrap();
     let store = open(&folder).await;
     for (id, created_us) in [("aaa", 1), ("bbb", 2), ("ccc", 2)] {
-        let mut new = session(id);
+        let first = event(1, id);
+        let mut new = session(id, &first);
         new.head.created_us = created_us;
-        store.create(new, event(1, id)).await.unwrap();
+        store.create(new, first).await.unwrap();
     }
     let ids = |rows: &[SessionRow]| rows.iter().map(|row| row.session_id.clone()).collect::<Vec<_>>();
-    let all = Filter { experiment: Some("bench".into()), state: Some(1), ..Filter::default() };
+    let all =
+        Filter { experiment: Some("bench".into()), state: Some(StateFilter::Is(1)), ..Filter::default() };
     let page = store.list(&all, None, 2).await.unwrap();
     assert_eq!(ids(&page), ["ccc", "bbb"]);
-    let end = PageEnd { created_us: page[1].created_us, session_id: page[1].session_id.clone() };
-    assert_eq!(ids(&store.list(&all, Some(&end), 2).await.unwrap()), ["aaa"]);
+    assert_eq!(ids(&store.list(&all, Some(&page[1].page_end()), 2).await.unwrap()), ["aaa"]);
     let labelled = Filter { labels: [("object".into(), "bbb".into())].into(), ..Filter::default() };
     assert_eq!(ids(&store.list(&labelled, None, 9).await.unwrap()), ["bbb"]);
     let elsewhere = Filter { experiment: Some("other".into()), ..Filter::default() };
@@ -171,8 +190,8 @@ async fn lists_are_filtered_and_paged_newest_first() {
 async fn a_request_id_creates_one_session_which_is_found_by_it() {
     let folder = tempfile::tempdir().unwrap();
     let store = open(&folder).await;
-    store.create(session("one"), event(1, "a")).await.unwrap();
-    assert!(matches!(store.create(session("two"), event(1, "a")).await, Err(StoreError::Conflict)));
+    store.begin("one", event(1, "a")).await.unwrap();
+    assert!(matches!(store.begin("two", event(1, "a")).await, Err(StoreError::Conflict)));
     assert_eq!(store.created_by("a").await.unwrap().as_deref(), Some("one"));
     assert!(store.session("two").await.unwrap().is_none(), "the losing creation left nothing behind");
     store.check_writable().await.unwrap();

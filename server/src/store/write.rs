@@ -1,67 +1,27 @@
 //! The writer: whatever is queued goes into one transaction, each change in a savepoint of its own.
 //!
+//! ```text
+//! files as they were opened? --> begin, each change, commit --> still? --> witness --> acknowledged
+//! ```
 //! A change that conflicts is undone alone; the others of its group are committed.
 
-use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Duration;
 
 use sqlx::{Connection, SqliteConnection};
 use tokio::sync::{mpsc, oneshot};
+use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
-use super::StoreError;
+use super::change::Change;
+use super::open::{self, Opened};
+use super::witness::Testimony;
+use super::{StoreError, apply};
 
-/// A session as it is created.
-#[derive(Debug)]
-pub(crate) struct NewSession {
-    pub(crate) head: SessionHead,
-    pub(crate) experiment: String,
-    pub(crate) labels: BTreeMap<String, String>,
-}
-
-/// What `sessions` says of a session after an event.
-#[derive(Debug)]
-pub(crate) struct SessionHead {
-    pub(crate) session_id: String,
-    /// Tells the session from an earlier one of the same id.
-    pub(crate) created_us: i64,
-    pub(crate) state: i32,
-    pub(crate) summary: Vec<u8>,
-}
-
-/// An event to append.
-#[derive(Debug)]
-pub(crate) struct NewEvent {
-    pub(crate) seq: i64,
-    pub(crate) request_id: Option<String>,
-    pub(crate) request_digest: Vec<u8>,
-    pub(crate) kind: &'static str,
-    pub(crate) payload: Vec<u8>,
-    pub(crate) reply: Vec<u8>,
-    pub(crate) state_hash: String,
-    pub(crate) stats_after: Vec<u8>,
-    pub(crate) algorithm_version: &'static str,
-    pub(crate) append_us: i64,
-    pub(crate) actor: String,
-}
-
-/// A session to remove.
-#[derive(Debug)]
-pub(crate) struct Deletion {
-    pub(crate) session_id: String,
-    pub(crate) created_us: i64,
-    /// The revision that the caller saw; `None` removes it whatever it is.
-    pub(crate) head: Option<i64>,
-    /// Request id and digest, for retries.
-    pub(crate) request: Option<(String, Vec<u8>)>,
-}
-
-#[derive(Debug)]
-pub(super) enum Change {
-    Create(Box<(NewSession, NewEvent)>),
-    Append(Box<(SessionHead, NewEvent)>),
-    Delete(Deletion),
-    Nothing,
-}
+/// A commit this long ago still says that the log can be written.
+const FRESH: Duration = Duration::from_secs(1);
+/// What is written to see whether there is room, in bytes.
+const ROOM: i64 = 65_536;
 
 #[derive(Debug)]
 pub(super) struct Job {
@@ -69,32 +29,133 @@ pub(super) struct Job {
     pub(super) done: oneshot::Sender<Result<(), StoreError>>,
 }
 
-/// Serves the queue until it is closed or its last sender is gone.
-pub(super) async fn run(
-    mut connection: SqliteConnection,
-    mut queue: mpsc::Receiver<Job>,
-    batch: usize,
-    closing: CancellationToken,
-) {
-    let mut jobs = Vec::with_capacity(batch);
-    let mut disk_was_full = false;
-    while receive(&mut queue, &mut jobs, batch, &closing).await > 0 {
-        let outcomes = commit_group(&mut connection, &jobs, disk_was_full).await;
-        disk_was_full = matches!(outcomes, Err(StoreError::Full));
-        if let Err(failure) = &outcomes {
-            tracing::error!(%failure, changes = jobs.len(), "a group of changes was not committed");
-            // Fails harmlessly where the engine has rolled back by itself.
-            let _ = execute(&mut connection, "rollback").await;
+/// The connection that writes, and what it knows of the log.
+#[derive(Debug)]
+pub(super) struct Writer {
+    opened: Opened,
+    /// Bytes that all sessions may take together.
+    most_bytes: u64,
+    last_commit: Option<Instant>,
+    disk_was_full: bool,
+    /// After a failure nothing is known of what the engine still holds: it is opened anew.
+    is_stale: bool,
+}
+
+impl Writer {
+    pub(super) fn new(opened: Opened, most_bytes: u64) -> Self {
+        Self { opened, most_bytes, last_commit: None, disk_was_full: false, is_stale: false }
+    }
+
+    /// Serves the queue until it is closed or its last sender is gone.
+    pub(super) async fn run(
+        mut self,
+        mut queue: mpsc::Receiver<Job>,
+        batch: usize,
+        closing: CancellationToken,
+    ) {
+        let mut jobs = Vec::with_capacity(batch);
+        while receive(&mut queue, &mut jobs, batch, &closing).await > 0 {
+            let outcomes = self.write(&jobs).await;
+            if let Err(failure) = &outcomes {
+                tracing::error!(%failure, changes = jobs.len(), "a group of changes was not committed");
+            }
+            for (index, job) in jobs.drain(..).enumerate() {
+                let outcome =
+                    outcomes.as_ref().map_or_else(|failure| Err(failure.clone()), |each| each[index].clone());
+                // The caller may have gone; the change stands all the same.
+                let _ = job.done.send(outcome);
+            }
         }
-        for (index, job) in jobs.drain(..).enumerate() {
-            let outcome =
-                outcomes.as_ref().map_or_else(|failure| Err(failure.clone()), |each| each[index].clone());
-            // The caller may have gone; the change stands all the same.
-            let _ = job.done.send(outcome);
+        if let Err(failure) = self.opened.connection.close().await {
+            tracing::error!(%failure, "the database was not closed well; nothing that was acknowledged is lost");
         }
     }
-    if let Err(failure) = connection.close().await {
-        tracing::error!(%failure, "the database was not closed well; nothing that was acknowledged is lost");
+
+    /// Commits the changes together, and says what became of each.
+    async fn write(&mut self, jobs: &[Job]) -> Result<Vec<Result<(), StoreError>>, StoreError> {
+        self.check_files()?;
+        let is_check = jobs.iter().all(|job| matches!(job.change, Change::Check));
+        if is_check && self.last_commit.is_some_and(|commit| commit.elapsed() < FRESH) {
+            return Ok(vec![Ok(()); jobs.len()]);
+        }
+        self.last_commit = None;
+        if self.is_stale {
+            (self.opened.connection, self.opened.appended) = open::reopened(&self.opened.database).await?;
+            self.is_stale = false;
+        }
+        let outcomes = match self.commit(jobs).await {
+            Ok(outcomes) => outcomes,
+            Err(failure) => {
+                // Fails harmlessly where the engine has rolled back by itself.
+                let _ = execute(&mut self.opened.connection, "rollback").await;
+                self.disk_was_full = matches!(failure, StoreError::Full);
+                self.is_stale = !self.disk_was_full;
+                return Err(failure);
+            }
+        };
+        self.disk_was_full = false;
+        // What was committed into a deleted file is gone with the process.
+        self.check_files()?;
+        let added =
+            jobs.iter().zip(&outcomes).filter(|(job, outcome)| job.change.appends() && outcome.is_ok());
+        let added = added.count() as i64;
+        if added > 0 {
+            self.opened.appended += added;
+            self.testify().await;
+        }
+        self.last_commit = Some(Instant::now());
+        Ok(outcomes)
+    }
+
+    async fn commit(&mut self, jobs: &[Job]) -> Result<Vec<Result<(), StoreError>>, StoreError> {
+        let connection = &mut self.opened.connection;
+        execute(connection, "begin immediate").await?;
+        if self.disk_was_full {
+            // A page that is there already takes no room, so more is written to see whether there is some.
+            execute(connection, "create table room (bytes blob)").await?;
+            sqlx::query("insert into room values (zeroblob($1))")
+                .bind(ROOM)
+                .execute(&mut *connection)
+                .await?;
+            execute(connection, "drop table room").await?;
+        }
+        let grows = jobs.iter().any(|job| job.change.appends());
+        let is_over = grows && apply::bytes_used(connection).await? >= self.most_bytes;
+        let mut outcomes = Vec::with_capacity(jobs.len());
+        for job in jobs {
+            if is_over && job.change.appends() {
+                outcomes.push(Err(StoreError::TooLarge { most_bytes: self.most_bytes }));
+                continue;
+            }
+            execute(connection, "savepoint change").await?;
+            let outcome = apply::apply(connection, &job.change).await;
+            if let Err(failure @ (StoreError::Full | StoreError::Down(_))) = outcome {
+                // The engine may have rolled back the whole group by itself.
+                return Err(failure);
+            }
+            if outcome.is_err() {
+                execute(connection, "rollback to change").await?;
+            }
+            execute(connection, "release change").await?;
+            outcomes.push(outcome);
+        }
+        execute(connection, "commit").await?;
+        Ok(outcomes)
+    }
+
+    fn check_files(&self) -> Result<(), StoreError> {
+        self.opened.files.problem().map_or(Ok(()), |problem| Err(StoreError::Down(problem)))
+    }
+
+    /// The events are on disk already: a witness that cannot be written only says less after a crash.
+    async fn testify(&self) {
+        let Opened { witness, identity, appended, .. } = &self.opened;
+        let (witness, testimony) =
+            (Arc::clone(witness), Testimony { identity: identity.clone(), appended: *appended });
+        let written = tokio::task::spawn_blocking(move || witness.write(&testimony)).await;
+        if let Ok(Err(error)) = written {
+            tracing::warn!(%error, path = %self.opened.witness.path().display(), "the witness was not written");
+        }
     }
 }
 
@@ -113,170 +174,7 @@ async fn receive(
     queue.recv_many(jobs, batch).await
 }
 
-async fn commit_group(
-    connection: &mut SqliteConnection,
-    jobs: &[Job],
-    disk_was_full: bool,
-) -> Result<Vec<Result<(), StoreError>>, StoreError> {
-    execute(connection, "begin immediate").await?;
-    if disk_was_full {
-        // An empty commit takes no room, so something is written to see whether there is some.
-        execute(connection, "create table room (bytes blob)").await?;
-        execute(connection, "insert into room values (zeroblob(65536))").await?;
-        execute(connection, "drop table room").await?;
-    }
-    let mut outcomes = Vec::with_capacity(jobs.len());
-    for job in jobs {
-        execute(connection, "savepoint change").await?;
-        let outcome = apply(connection, &job.change).await;
-        if let Err(StoreError::Full) = outcome {
-            // The engine may have rolled back the whole group by itself.
-            return Err(StoreError::Full);
-        }
-        if outcome.is_err() {
-            execute(connection, "rollback to change").await?;
-        }
-        execute(connection, "release change").await?;
-        outcomes.push(outcome);
-    }
-    execute(connection, "commit").await?;
-    Ok(outcomes)
-}
-
 async fn execute(connection: &mut SqliteConnection, statement: &'static str) -> Result<(), StoreError> {
     sqlx::query(statement).execute(connection).await?;
-    Ok(())
-}
-
-async fn apply(connection: &mut SqliteConnection, change: &Change) -> Result<(), StoreError> {
-    match change {
-        Change::Create(new) => create(connection, &new.0, &new.1).await,
-        Change::Append(new) => append(connection, &new.0, &new.1).await,
-        Change::Delete(deletion) => delete(connection, deletion).await,
-        Change::Nothing => Ok(()),
-    }
-}
-
-async fn create(
-    connection: &mut SqliteConnection,
-    session: &NewSession,
-    event: &NewEvent,
-) -> Result<(), StoreError> {
-    let NewSession { head, experiment, labels } = session;
-    let SessionHead { session_id, created_us, state, summary } = head;
-    sqlx::query(
-        "insert into sessions (session_id, experiment, state, created_us, head, summary)
-         values ($1, $2, $3, $4, $5, $6)",
-    )
-    .bind(session_id)
-    .bind(experiment)
-    .bind(state)
-    .bind(created_us)
-    .bind(event.seq)
-    .bind(summary)
-    .execute(&mut *connection)
-    .await?;
-    for (name, value) in labels {
-        sqlx::query("insert into session_labels (session_id, name, value) values ($1, $2, $3)")
-            .bind(session_id)
-            .bind(name)
-            .bind(value)
-            .execute(&mut *connection)
-            .await?;
-    }
-    if let Some(request_id) = &event.request_id {
-        sqlx::query("insert into creations (request_id, session_id) values ($1, $2)")
-            .bind(request_id)
-            .bind(session_id)
-            .execute(&mut *connection)
-            .await?;
-    }
-    insert_event(connection, session_id, event).await
-}
-
-async fn append(
-    connection: &mut SqliteConnection,
-    head: &SessionHead,
-    event: &NewEvent,
-) -> Result<(), StoreError> {
-    let SessionHead { session_id, created_us, state, summary } = head;
-    let updated = sqlx::query(
-        "update sessions set state = $1, head = $2, summary = $3
-         where session_id = $4 and created_us = $5 and head = $2 - 1",
-    )
-    .bind(state)
-    .bind(event.seq)
-    .bind(summary)
-    .bind(session_id)
-    .bind(created_us)
-    .execute(&mut *connection)
-    .await?;
-    if updated.rows_affected() != 1 {
-        return Err(StoreError::Conflict);
-    }
-    insert_event(connection, session_id, event).await
-}
-
-async fn insert_event(
-    connection: &mut SqliteConnection,
-    session_id: &str,
-    event: &NewEvent,
-) -> Result<(), StoreError> {
-    let NewEvent {
-        seq,
-        request_id,
-        request_digest,
-        kind,
-        payload,
-        reply,
-        state_hash,
-        stats_after,
-        algorithm_version,
-        append_us,
-        actor,
-    } = event;
-    sqlx::query(
-        "insert into events (session_id, seq, request_id, request_digest, kind, payload, reply, state_hash,
-                             stats_after, algorithm_version, append_us, actor)
-         values ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12)",
-    )
-    .bind(session_id)
-    .bind(seq)
-    .bind(request_id)
-    .bind(request_digest)
-    .bind(kind)
-    .bind(payload)
-    .bind(reply)
-    .bind(state_hash)
-    .bind(stats_after)
-    .bind(algorithm_version)
-    .bind(append_us)
-    .bind(actor)
-    .execute(connection)
-    .await?;
-    Ok(())
-}
-
-async fn delete(connection: &mut SqliteConnection, deletion: &Deletion) -> Result<(), StoreError> {
-    let Deletion { session_id, created_us, head, request } = deletion;
-    let deleted = sqlx::query(
-        "delete from sessions where session_id = $1 and created_us = $2 and head = coalesce($3, head)",
-    )
-    .bind(session_id)
-    .bind(created_us)
-    .bind(head)
-    .execute(&mut *connection)
-    .await?;
-    if deleted.rows_affected() != 1 {
-        return Err(StoreError::Conflict);
-    }
-    if let Some((request_id, digest)) = request {
-        sqlx::query("insert into deletions (session_id, request_id, request_digest) values ($1, $2, $3)")
-            .bind(session_id)
-            .bind(request_id)
-            .bind(digest)
-            .execute(connection)
-            .await?;
-    }
     Ok(())
 }

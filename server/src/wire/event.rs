@@ -37,6 +37,8 @@ pub(crate) fn decode(row: EventRow, include_points: bool) -> Result<v1::Event, F
     let EventRow {
         seq: _,
         request_id,
+        request_digest: _,
+        kind: _,
         payload,
         reply: _,
         state_hash,
@@ -44,6 +46,8 @@ pub(crate) fn decode(row: EventRow, include_points: bool) -> Result<v1::Event, F
         algorithm_version: _,
         append_us,
         actor,
+        link: _,
+        link_before: _,
     } = row;
     let stats_after = v1::SessionStats::decode(stats_after.as_slice());
     let mut kind = kind(seq, &payload)?;

@@ -9,7 +9,7 @@ use palpate_core::warning::{Warning, WarningKind};
 use palpate_proto::{Bytes, Duration, Timestamp, v1};
 
 use super::candidate_id::{self, CandidateId};
-use crate::session::{Definition, PlausibleSize, Sensor, SessionState, Snapshot};
+use crate::session::{Definition, PlausibleSize, Sensor, SessionState, SetAside, Snapshot};
 
 pub(crate) fn vector(vector: &Vector) -> v1::Vector3 {
     v1::Vector3 { x: vector.x, y: vector.y, z: vector.z }
@@ -132,6 +132,11 @@ pub(crate) fn session(snapshot: &Snapshot) -> v1::Session {
         config: Some(session_config(&snapshot.definition)),
         state: state(snapshot.state).into(),
         revision: snapshot.revision,
+        quarantine: snapshot.set_aside.as_ref().map(|SetAside { reason, head }| v1::Quarantine {
+            reason: reason.clone(),
+            sound_revision: snapshot.revision,
+            head: *head,
+        }),
         etag: snapshot.etag(),
         stats: Some(stats(snapshot)),
         create_time: Some(timestamp(*created_us)),

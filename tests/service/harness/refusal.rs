@@ -78,6 +78,7 @@ fn statuses(reason: &str) -> (Code, u16) {
         "QUOTA" | "QUEUE_FULL" => (Code::ResourceExhausted, 429),
         "TOO_LARGE" => (Code::ResourceExhausted, 413),
         "DRAINING" => (Code::Unavailable, 503),
+        "STORE_DOWN" => (Code::Unavailable, 503),
         "UNIMPLEMENTED" => (Code::Unimplemented, 501),
         // These can happen over HTTP only.
         "UNPARSABLE" => (Code::Unknown, 400),

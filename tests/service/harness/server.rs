@@ -1,6 +1,7 @@
 //! A server inside this process: a free port, a database of its own, and limits to choose.
 
 use std::net::SocketAddr;
+use std::path::Path;
 use std::time::Duration;
 
 use palpate_client::{Client, RetryPolicy};
@@ -54,6 +55,36 @@ impl Server {
     /// Stops the server and starts another one over the same database.
     pub(crate) async fn restart(self) -> Self {
         Self::over(self.stop().await, ServeOptions::default()).await
+    }
+
+    /// The same with what happens to the database in between.
+    pub(crate) async fn restart_after(self, happens: impl AsyncFnOnce(&Path)) -> Self {
+        let folder = self.stop().await;
+        happens(&folder.path().join("palpate.db")).await;
+        Self::over(folder, ServeOptions::default()).await
+    }
+
+    /// A server over a database that is there already.
+    pub(crate) async fn over_copy_of(database: &Path) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::copy(database, folder.path().join("palpate.db")).unwrap();
+        Self::over(folder, ServeOptions::default()).await
+    }
+
+    /// Another server over the database as it is on disk at this moment, changed by `happens`: as after a crash.
+    pub(crate) async fn after_a_crash(&self, happens: impl FnOnce(&Path)) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        for entry in std::fs::read_dir(self.folder.path()).unwrap() {
+            let entry = entry.unwrap();
+            std::fs::copy(entry.path(), folder.path().join(entry.file_name())).unwrap();
+        }
+        happens(folder.path());
+        Self::over(folder, ServeOptions::default()).await
+    }
+
+    /// The folder of the database.
+    pub(crate) fn folder(&self) -> &Path {
+        self.folder.path()
     }
 
     pub(crate) fn url(&self) -> String {

@@ -1,0 +1,104 @@
+//! The proof of a log: all its links hold, and it ends where its session's row says.
+//!
+//! Before anything of a session is shown that was not folded here, its log is proved once; all logs are, one after the
+//! other and slowly, in the background.
+
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use super::{Aggregate, Sessions};
+use crate::error::Error;
+use crate::store::{Damage, Filter, PageEnd, SessionRow, StoreError};
+
+/// Sessions that are looked up at once.
+const PAGE: i64 = 100;
+
+/// The sessions whose logs were proved by this process, with when they were created.
+#[derive(Debug, Default)]
+pub(super) struct Proven {
+    sessions: Mutex<HashMap<String, i64>>,
+}
+
+impl Proven {
+    fn has(&self, row: &SessionRow) -> bool {
+        self.lock().get(&row.session_id) == Some(&row.created_us)
+    }
+
+    fn note(&self, row: &SessionRow, is_sound: bool) {
+        if is_sound {
+            self.lock().insert(row.session_id.clone(), row.created_us);
+        } else {
+            self.lock().remove(&row.session_id);
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, HashMap<String, i64>> {
+        // Nothing panics while it is held.
+        self.sessions.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl<S: Aggregate> Sessions<S> {
+    /// The bytes that tell of a session in lists, where they and its log are as they were written; otherwise the log
+    /// is to be folded.
+    ///
+    /// # Errors
+    /// The database cannot be read.
+    pub(crate) async fn trusted_summary<'a>(&self, row: &'a SessionRow) -> Result<Option<&'a [u8]>, Error> {
+        if row.damage().is_some() {
+            return Ok(None);
+        }
+        if !self.proven.has(row) && self.prove(row).await?.is_err() {
+            return Ok(None);
+        }
+        Ok(row.summary())
+    }
+
+    /// Reads a log to its end and compares it with the session's row: its bytes, or what is wrong.
+    async fn prove(&self, row: &SessionRow) -> Result<Result<u64, Damage>, StoreError> {
+        let proof = self.store.prove(row).await?;
+        self.proven.note(row, proof.is_ok());
+        Ok(proof)
+    }
+
+    /// Proves all logs, again and again with a pause, until the server stops.
+    pub(crate) async fn prove_all(self: Arc<Self>) {
+        let stopping = self.stopping.clone();
+        let rounds = async {
+            loop {
+                match self.prove_each().await {
+                    Ok((sessions, damaged)) => tracing::info!(sessions, damaged, "all logs were proved"),
+                    Err(failure) => tracing::warn!(%failure, "the logs could not all be proved"),
+                }
+                tokio::time::sleep(self.limits.proof_pause).await;
+            }
+        };
+        stopping.run_until_cancelled(rounds).await;
+    }
+
+    /// How many sessions there are, and how many of them are damaged.
+    async fn prove_each(&self) -> Result<(usize, usize), StoreError> {
+        let (mut sessions, mut damaged) = (0, 0);
+        let mut after: Option<PageEnd> = None;
+        loop {
+            let page = self.store.list(&Filter::default(), after.as_ref(), PAGE).await?;
+            let Some(last) = page.last() else { return Ok((sessions, damaged)) };
+            after = Some(last.page_end());
+            for row in &page {
+                // One that moves on or is deleted meanwhile is read again as it is then.
+                let Some(row) = self.store.session(&row.session_id).await? else { continue };
+                sessions += 1;
+                let bytes = match self.prove(&row).await? {
+                    Ok(bytes) => bytes,
+                    Err(_) => {
+                        damaged += 1;
+                        0
+                    }
+                };
+                let pause_s = bytes as f64 / self.limits.proof_bytes_per_s.max(1) as f64;
+                tokio::time::sleep(Duration::from_secs_f64(pause_s)).await;
+            }
+        }
+    }
+}

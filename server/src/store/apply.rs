@@ -1,0 +1,189 @@
+//! One change of the log as SQL.
+
+use sqlx::SqliteConnection;
+
+use super::StoreError;
+use super::change::{Change, Damage, Deletion, NewEvent, NewSession, SessionHead};
+use super::link::{self, Link, Sealed};
+use crate::session::now_us;
+
+/// Applies one change within a transaction.
+pub(super) async fn apply(connection: &mut SqliteConnection, change: &Change) -> Result<(), StoreError> {
+    match change {
+        Change::Create(new) => create(connection, &new.0, &new.1).await,
+        Change::Append(new) => append(connection, &new.0, &new.1, &new.2).await,
+        Change::Delete(deletion) => delete(connection, deletion).await,
+        Change::SetAside(Damage { session_id, sound, reason }) => {
+            mark(connection, session_id, Some(*sound), Some(reason)).await
+        }
+        Change::Restore(session_id) => mark(connection, session_id, None, None).await,
+        Change::Check => {
+            let query = sqlx::query("update log set checked_us = $1");
+            query.bind(now_us()).execute(connection).await?;
+            Ok(())
+        }
+    }
+}
+
+/// What the database holds, in bytes: pages that a deletion left free are used again.
+pub(super) async fn bytes_used(connection: &mut SqliteConnection) -> Result<u64, StoreError> {
+    let query = sqlx::query_scalar(
+        "select (page_count - freelist_count) * page_size
+         from pragma_page_count(), pragma_freelist_count(), pragma_page_size()",
+    );
+    let bytes: i64 = query.fetch_one(connection).await?;
+    Ok(u64::try_from(bytes).unwrap_or(0))
+}
+
+fn seal(head: &SessionHead, seq: i64) -> Link {
+    let SessionHead { session_id, created_us, state, summary, link } = head;
+    let (created_us, state) = (*created_us, *state);
+    link::seal(&Sealed { session_id, created_us, state, head: seq, link, summary })
+}
+
+async fn create(
+    connection: &mut SqliteConnection,
+    session: &NewSession,
+    event: &NewEvent,
+) -> Result<(), StoreError> {
+    let NewSession { head, experiment, labels } = session;
+    let SessionHead { session_id, created_us, state, summary, link } = head;
+    sqlx::query(
+        "insert into sessions (session_id, experiment, state, created_us, head, summary, link, seal)
+         values ($1, $2, $3, $4, $5, $6, $7, $8)",
+    )
+    .bind(session_id)
+    .bind(experiment)
+    .bind(state)
+    .bind(created_us)
+    .bind(event.seq)
+    .bind(summary)
+    .bind(link.as_slice())
+    .bind(seal(head, event.seq).as_slice())
+    .execute(&mut *connection)
+    .await?;
+    for (name, value) in labels {
+        sqlx::query("insert into session_labels (session_id, name, value) values ($1, $2, $3)")
+            .bind(session_id)
+            .bind(name)
+            .bind(value)
+            .execute(&mut *connection)
+            .await?;
+    }
+    if let Some(request_id) = &event.request_id {
+        sqlx::query("insert into creations (request_id, session_id) values ($1, $2)")
+            .bind(request_id)
+            .bind(session_id)
+            .execute(&mut *connection)
+            .await?;
+    }
+    insert_event(connection, head, event).await
+}
+
+async fn append(
+    connection: &mut SqliteConnection,
+    head: &SessionHead,
+    before: &Link,
+    event: &NewEvent,
+) -> Result<(), StoreError> {
+    let SessionHead { session_id, created_us, state, summary, link } = head;
+    let updated = sqlx::query(
+        "update sessions set state = $1, head = $2, summary = $3, link = $4, seal = $5
+         where session_id = $6 and created_us = $7 and head = $2 - 1 and link = $8 and damage is null",
+    )
+    .bind(state)
+    .bind(event.seq)
+    .bind(summary)
+    .bind(link.as_slice())
+    .bind(seal(head, event.seq).as_slice())
+    .bind(session_id)
+    .bind(created_us)
+    .bind(before.as_slice())
+    .execute(&mut *connection)
+    .await?;
+    if updated.rows_affected() != 1 {
+        return Err(StoreError::Conflict);
+    }
+    insert_event(connection, head, event).await
+}
+
+async fn insert_event(
+    connection: &mut SqliteConnection,
+    head: &SessionHead,
+    event: &NewEvent,
+) -> Result<(), StoreError> {
+    let NewEvent {
+        seq,
+        request_id,
+        request_digest,
+        kind,
+        payload,
+        reply,
+        state_hash,
+        stats_after,
+        algorithm_version,
+        append_us,
+        actor,
+    } = event;
+    sqlx::query(
+        "insert into events (session_id, seq, request_id, request_digest, kind, payload, reply, state_hash,
+                             stats_after, algorithm_version, append_us, actor, link)
+         values ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13)",
+    )
+    .bind(&head.session_id)
+    .bind(seq)
+    .bind(request_id)
+    .bind(request_digest)
+    .bind(kind)
+    .bind(payload)
+    .bind(reply)
+    .bind(state_hash)
+    .bind(stats_after)
+    .bind(algorithm_version)
+    .bind(append_us)
+    .bind(actor)
+    .bind(head.link.as_slice())
+    .execute(&mut *connection)
+    .await?;
+    sqlx::query("update log set appended = appended + 1").execute(connection).await?;
+    Ok(())
+}
+
+async fn delete(connection: &mut SqliteConnection, deletion: &Deletion) -> Result<(), StoreError> {
+    let Deletion { session_id, created_us, head, request } = deletion;
+    let deleted = sqlx::query(
+        "delete from sessions where session_id = $1 and created_us = $2 and head = coalesce($3, head)",
+    )
+    .bind(session_id)
+    .bind(created_us)
+    .bind(head)
+    .execute(&mut *connection)
+    .await?;
+    if deleted.rows_affected() != 1 {
+        return Err(StoreError::Conflict);
+    }
+    if let Some((request_id, digest)) = request {
+        sqlx::query("insert into deletions (session_id, request_id, request_digest) values ($1, $2, $3)")
+            .bind(session_id)
+            .bind(request_id)
+            .bind(digest)
+            .execute(connection)
+            .await?;
+    }
+    Ok(())
+}
+
+async fn mark(
+    connection: &mut SqliteConnection,
+    session_id: &str,
+    sound: Option<i64>,
+    reason: Option<&String>,
+) -> Result<(), StoreError> {
+    sqlx::query("update sessions set damage = $1, sound = $2 where session_id = $3")
+        .bind(reason)
+        .bind(sound)
+        .bind(session_id)
+        .execute(connection)
+        .await?;
+    Ok(())
+}
