@@ -74,7 +74,7 @@ fn statuses(reason: &str) -> (Code, u16) {
         "SESSION_EXISTS" | "REQUEST_ID_REUSED" => (Code::AlreadyExists, 409),
         "REVISION_MISMATCH" => (Code::Aborted, 409),
         "ETAG_MISMATCH" => (Code::Aborted, 412),
-        "NO_VISUAL_PRIOR" | "SESSION_FULL" => (Code::FailedPrecondition, 409),
+        "NO_VISUAL_PRIOR" | "SESSION_FULL" | "SESSION_QUARANTINED" => (Code::FailedPrecondition, 409),
         "QUOTA" | "QUEUE_FULL" => (Code::ResourceExhausted, 429),
         "TOO_LARGE" => (Code::ResourceExhausted, 413),
         "DRAINING" => (Code::Unavailable, 503),
