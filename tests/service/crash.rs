@@ -148,21 +148,16 @@ async fn a_service_manager_can_stop_the_program_while_somebody_watches() {
 }
 
 #[tokio::test]
-async fn two_programs_over_one_database_keep_one_order() {
+async fn a_second_program_over_one_database_is_refused_until_the_first_is_gone_however_it_ended() {
     let folder = tempfile::tempdir().unwrap();
     let database = folder.path().join("palpate.db");
-    let servers = [Process::serve(&database).await, Process::serve(&database).await];
-    let callers = servers.each_ref().map(|server| server.caller(Transport::Grpc));
-    let mut next = callers[0].begin("ball").await;
-    for turn in 0..6 {
-        next = callers[turn % 2].go_on("ball", next, 1).await;
-    }
-    let alone = callers[0].begin("alone").await;
-    callers[0].go_on("alone", alone, 6).await;
-    let hashes = |log: Vec<v1::Event>| log.into_iter().map(|event| event.state_hash).collect::<Vec<_>>();
-    let [shared, same, alone] =
-        [callers[0].log("ball").await, callers[1].log("ball").await, callers[0].log("alone").await]
-            .map(hashes);
-    assert_eq!(shared.len(), 8);
-    assert_eq!((&shared, &shared), (&same, &alone), "each took up what the other had written");
+    let first = Process::serve(&database).await;
+    let next = first.caller(Transport::Grpc).begin("ball").await;
+    let refusal = Process::refusal(&database).await;
+    assert!(refusal.contains("another server holds the database"), "{refusal}");
+    assert!(!refusal.contains("panicked"), "{refusal}");
+    first.caller(Transport::Grpc).go_on("ball", next, 1).await;
+    first.kill().await;
+    let second = Process::serve(&database).await;
+    assert_eq!(second.caller(Transport::Grpc).log("ball").await.len(), 3);
 }

@@ -68,7 +68,7 @@ impl<S: Aggregate> Sessions<S> {
         let rounds = async {
             loop {
                 match self.prove_each().await {
-                    Ok((sessions, damaged)) => tracing::info!(sessions, damaged, "all logs were proved"),
+                    Ok((sessions, damaged)) => tracing::debug!(sessions, damaged, "all logs were proved"),
                     Err(failure) => tracing::warn!(%failure, "the logs could not all be proved"),
                 }
                 tokio::time::sleep(self.limits.proof_pause).await;

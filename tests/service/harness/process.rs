@@ -29,13 +29,27 @@ impl Process {
             .spawn()
             .unwrap();
         let mut log = BufReader::new(child.stderr.take().unwrap()).lines();
-        let listening = soon("the server's log", log.next_line()).await.unwrap().unwrap();
-        let listening: Value = serde_json::from_str(&listening).unwrap();
-        let api = listening["api"].as_str().unwrap();
-        let address = api.strip_prefix("http://").unwrap().parse().unwrap();
+        let address = loop {
+            let line = soon("the server's log", log.next_line()).await.unwrap().expect("the server starts");
+            let line: Value = serde_json::from_str(&line).unwrap();
+            if let Some(api) = line["api"].as_str() {
+                break api.strip_prefix("http://").unwrap().parse().unwrap();
+            }
+        };
         // A log that nobody reads would fill its pipe and stop the server.
         tokio::spawn(async move { while let Ok(Some(_)) = log.next_line().await {} });
         Self { child, address }
+    }
+
+    /// What the program says where it cannot start.
+    pub(crate) async fn refusal(database: &Path) -> String {
+        let refused = Command::new(env!("CARGO_BIN_EXE_palpate-under-test"))
+            .args(["serve", "--listen", "127.0.0.1:0", "--database"])
+            .arg(database)
+            .output();
+        let refused = soon("the program ends", refused).await.unwrap();
+        assert!(!refused.status.success());
+        String::from_utf8(refused.stderr).unwrap()
     }
 
     pub(crate) fn url(&self) -> String {
