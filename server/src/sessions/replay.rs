@@ -6,6 +6,7 @@ use tokio::time::Instant;
 
 use super::live::Live;
 use super::{Aggregate, Fold, FoldError, Sessions};
+use crate::compute::Queue;
 use crate::error::Error;
 use crate::store::EventRow;
 
@@ -27,6 +28,7 @@ impl<S: Aggregate> Sessions<S> {
         session_id: &str,
         from: Option<Arc<S>>,
         to: i64,
+        queue: Queue,
         deadline: Instant,
     ) -> Result<Arc<S>, Error> {
         let mut state = from;
@@ -37,7 +39,8 @@ impl<S: Aggregate> Sessions<S> {
                 return state.ok_or_else(|| not_found(session_id));
             }
             let fold = self.fold;
-            let folded = self.pool.run(deadline, move || fold_page(fold, state, &page)).await?;
+            let folded =
+                self.pool.run(queue, session_id, deadline, move || fold_page(fold, state, &page)).await?;
             match (folded.state, folded.stopped) {
                 (next, None) => state = next,
                 (Some(sound), Some(failure)) => return self.quarantine(&*sound, to, &failure).await,
@@ -68,7 +71,7 @@ impl<S: Aggregate> Sessions<S> {
             return Err(not_found(session_id));
         };
         let known = self.loaded(session_id).filter(|known| known.identity().1 == row.created_us);
-        live.publish(self.replay(session_id, known, i64::MAX, deadline).await?);
+        live.publish(self.replay(session_id, known, i64::MAX, Queue::ROBOTS, deadline).await?);
         Ok(())
     }
 

@@ -110,6 +110,30 @@ impl Store {
         Ok(query.build_query_as().fetch_all(&self.readers).await?)
     }
 
+    /// Up to `count` events with a seq above `after`, oldest first, and of them only the first few that have up
+    /// to `bytes` together. The first one comes whatever its size.
+    pub(crate) async fn events_within(
+        &self,
+        session_id: &str,
+        after: i64,
+        count: i64,
+        bytes: usize,
+    ) -> Result<Vec<EventRow>, StoreError> {
+        // The sizes are in the rows' heads, so what is too large is not read to find that out.
+        let mut query = QueryBuilder::<Sqlite>::new(
+            "with sized as (select seq, length(payload) + length(reply) as size from events where session_id = ",
+        );
+        query.push_bind(session_id).push(" and seq > ").push_bind(after);
+        query.push(" order by seq limit ").push_bind(count);
+        query.push("), summed as (select seq, sum(size) over (order by seq) as total from sized) select ");
+        query.push(EVENT_COLUMNS).push(" from events where session_id = ").push_bind(session_id);
+        query.push(" and seq > ").push_bind(after);
+        query.push(" and seq <= (select coalesce(max(case when total <= ");
+        query.push_bind(i64::try_from(bytes).unwrap_or(i64::MAX));
+        query.push(" then seq end), min(seq)) from summed) order by seq");
+        Ok(query.build_query_as().fetch_all(&self.readers).await?)
+    }
+
     /// The reply to the first request under this id, if there was one.
     pub(crate) async fn first_reply(
         &self,
