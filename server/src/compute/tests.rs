@@ -10,8 +10,8 @@ fn soon() -> Instant {
     Instant::now() + Duration::from_secs(20)
 }
 
-fn pool(threads: usize, limits: Limits) -> Arc<Pool> {
-    Arc::new(Pool::new(threads, &limits))
+fn pool(threads: usize, limits: &Limits) -> Arc<Pool> {
+    Arc::new(Pool::new(threads, limits))
 }
 
 /// One further job waits for each thread, whoever's it is.
@@ -54,7 +54,7 @@ impl Held {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_full_queue_refuses_at_once_and_says_when_to_try_again() {
-    let pool = pool(1, short_queues());
+    let pool = pool(1, &short_queues());
     let held = hold(&pool, Queue::ROBOTS, "ball", 2).await;
     let refused = pool.run(Queue::ROBOTS, "mug", soon(), || 8).await.unwrap_err();
     assert_eq!(refused.reason(), "QUEUE_FULL");
@@ -65,7 +65,7 @@ async fn a_full_queue_refuses_at_once_and_says_when_to_try_again() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_stream_waits_for_room_in_a_full_queue() {
-    let pool = pool(1, short_queues());
+    let pool = pool(1, &short_queues());
     let held = hold(&pool, Queue::READERS, "ball", 2).await;
     assert_eq!(pool.run(Queue::READERS, "mug", soon(), || 8).await.unwrap_err().reason(), "QUEUE_FULL");
     let waiting = tokio::spawn({
@@ -79,7 +79,7 @@ async fn a_stream_waits_for_room_in_a_full_queue() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn robots_are_neither_refused_nor_kept_waiting_by_readers() {
-    let pool = pool(2, short_queues());
+    let pool = pool(2, &short_queues());
     let held = hold(&pool, Queue::WATCHERS, "ball", 12).await;
     for _ in 0..20 {
         assert_eq!(pool.run(Queue::ROBOTS, "ball", soon(), || 7).await, Ok(7), "one thread is the robots'");
@@ -90,7 +90,7 @@ async fn robots_are_neither_refused_nor_kept_waiting_by_readers() {
 #[tokio::test(flavor = "multi_thread")]
 async fn one_session_cannot_take_the_whole_queue() {
     let limits = Limits { compute_queue_per_session: 2, reader_queue_per_session: 2, ..Limits::default() };
-    let pool = pool(1, limits);
+    let pool = pool(1, &limits);
     for queue in [Queue::ROBOTS, Queue::READERS] {
         let held = hold(&pool, queue, "noisy", 2).await;
         let refused = pool.run(queue, "noisy", soon(), || 1).await.unwrap_err();
@@ -109,7 +109,7 @@ async fn one_session_cannot_take_the_whole_queue() {
 
 #[tokio::test]
 async fn a_panic_ends_one_job_and_leaves_the_pool_usable() {
-    let pool = pool(1, short_queues());
+    let pool = pool(1, &short_queues());
     let broken = || assert_eq!(1, 2, "on purpose");
     let failed = pool.run(Queue::ROBOTS, "ball", soon(), broken).await.unwrap_err();
     assert_eq!(failed.reason(), "INTERNAL");
@@ -118,7 +118,7 @@ async fn a_panic_ends_one_job_and_leaves_the_pool_usable() {
 
 #[tokio::test]
 async fn a_job_whose_deadline_has_passed_never_runs() {
-    let pool = pool(1, short_queues());
+    let pool = pool(1, &short_queues());
     let (ran, observed) = mpsc::channel();
     let late = pool.run(Queue::ROBOTS, "ball", Instant::now(), move || ran.send(())).await;
     assert_eq!(late.unwrap_err(), Error::DeadlineExceeded);
