@@ -9,11 +9,15 @@ mod capabilities;
 mod exploration;
 mod explore;
 mod lease;
+mod made_mesh;
 mod mesh;
+mod outbox;
+mod places;
 mod reading;
 mod sessions;
 mod watch;
 
+use std::net::IpAddr;
 use std::sync::Arc;
 use std::thread::available_parallelism;
 
@@ -21,9 +25,7 @@ use palpate_core::reconstruction::ALGORITHM_VERSION;
 use palpate_proto::v1;
 use prost::{Message, Name};
 use sha2::{Digest, Sha256};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::Instant;
-use tokio_stream::wrappers::ReceiverStream;
 use tokio_util::sync::CancellationToken;
 use tracing::Instrument;
 use uuid::Uuid;
@@ -36,19 +38,18 @@ use crate::sessions::{Aggregate, Computed, Decision, RequestKey, Sessions, Store
 use crate::store::Store;
 use crate::wire::{event, from_proto, to_proto};
 use capabilities::capabilities;
-
-/// Messages of a stream that wait for a slow reader; the producer then waits too.
-const STREAM_BUFFER: usize = 16;
-
-/// A stream of replies; an error ends it.
-pub(crate) type Replies<T> = ReceiverStream<Result<T, Error>>;
+use made_mesh::MadeMeshes;
+pub(crate) use outbox::Replies;
+use places::Places;
+pub(crate) use watch::WatchUpdate;
 
 /// The service; cheap to clone.
 #[derive(Clone, Debug)]
 pub(crate) struct Api {
     sessions: Arc<Sessions<Snapshot>>,
     limits: Arc<Limits>,
-    streams: Arc<Semaphore>,
+    places: Places,
+    meshes: Arc<MadeMeshes>,
     stopping: CancellationToken,
     instance_id: Uuid,
 }
@@ -60,19 +61,22 @@ pub(crate) struct Call {
     pub(crate) deadline: Option<Instant>,
     /// Who calls, as far as the server knows; it goes into the log of events.
     pub(crate) actor: String,
+    /// Where the call comes from, if the connection knows; it bounds the streams of one machine.
+    pub(crate) peer: Option<IpAddr>,
 }
 
 impl Api {
     /// The service over an open event log; `stopping` ends its streams and refuses changes.
     pub(crate) fn new(store: Store, limits: Limits, stopping: CancellationToken) -> Self {
         let cores = available_parallelism().map_or(1, usize::from);
-        let pool = Pool::new(cores, limits.compute_queue_per_core);
+        let pool = Pool::new(cores, &limits);
         let limits = Arc::new(limits);
         let sessions = Arc::new(Sessions::new(store, pool, event::fold, limits.clone(), stopping.clone()));
         tokio::spawn(sessions.clone().prove_all());
         Self {
             sessions,
-            streams: Arc::new(Semaphore::new(limits.streams)),
+            places: Places::default(),
+            meshes: Arc::new(MadeMeshes::new(limits.mesh_bytes)),
             limits,
             stopping,
             instance_id: Uuid::now_v7(),
@@ -155,15 +159,6 @@ impl Api {
             work(deadline).await
         })
         .await
-    }
-
-    /// Room for one more open stream, until it is dropped.
-    fn stream_slot(&self) -> Result<OwnedSemaphorePermit, Error> {
-        self.streams.clone().try_acquire_owned().map_err(|_| Error::Quota {
-            what: "open streams",
-            limit: self.limits.streams as u64,
-            hint: "close streams that are no longer read",
-        })
     }
 }
 

@@ -22,6 +22,7 @@ use tower::Layer;
 
 use crate::api::{Api, Call};
 use crate::error::Error;
+use crate::peer;
 use status::status;
 
 /// A reply leaves this much before the caller's deadline, so that it says DEADLINE_EXCEEDED in time.
@@ -102,10 +103,12 @@ fn unavailable(what: &str) -> Status {
 fn call<T>(request: &Request<T>) -> Call {
     let timeout = request.metadata().get("grpc-timeout").and_then(|value| value.to_str().ok());
     let timeout = timeout.and_then(parse_timeout);
+    let peer = peer::address(request.extensions());
     Call {
         deadline: timeout
             .and_then(|timeout| Instant::now().checked_add(timeout.saturating_sub(MARGIN.min(timeout / 4)))),
-        actor: request.remote_addr().map(|address| address.ip().to_string()).unwrap_or_default(),
+        actor: peer.map(|address| address.to_string()).unwrap_or_default(),
+        peer,
     }
 }
 

@@ -12,6 +12,7 @@ mod grpc;
 mod http;
 mod limits;
 mod mesh_format;
+mod peer;
 mod serve;
 mod session;
 mod sessions;

@@ -73,14 +73,32 @@ pub struct Limits {
     pub past_states: usize,
     /// Calls that may wait for the permit to change one session.
     pub session_queue: usize,
-    /// Computations that may wait for each core.
+    /// Computations for robots that may wait for each core.
     pub compute_queue_per_core: usize,
+    /// Computations for the robots of one session that may run or wait.
+    pub compute_queue_per_session: usize,
+    /// Computations for readers, such as meshes and earlier revisions, that may wait for each core.
+    pub reader_queue_per_core: usize,
+    /// Computations for the readers of one session that may run or wait.
+    pub reader_queue_per_session: usize,
+    /// Bytes of computed meshes that are kept in memory, so that all who look at one share it.
+    pub mesh_bytes: usize,
     /// Writes that may wait for the event log.
     pub write_queue: usize,
     /// Writes in one commit.
     pub write_batch: usize,
     /// Open watch and exploration streams, over all connections.
     pub streams: usize,
+    /// Open streams of one session.
+    pub streams_per_session: usize,
+    /// Open streams from one address; behind a proxy, which all callers share, it may have to be as high as `streams`.
+    pub streams_per_peer: usize,
+    /// Bytes that wait in a stream for its reader; a larger message waits alone.
+    pub stream_bytes: usize,
+    /// How long a stream waits for a reader who takes nothing; then it is ended and its place is free.
+    pub stream_stall: Duration,
+    /// Bytes of the log that a reader holds at once; a larger event is read alone.
+    pub read_bytes: usize,
     /// Concurrent streams of one HTTP/2 connection.
     pub connection_streams: u32,
     /// Bytes of all headers of one request.
@@ -122,9 +140,18 @@ impl Default for Limits {
             past_states: 32,
             session_queue: 8,
             compute_queue_per_core: 16,
+            compute_queue_per_session: 16,
+            reader_queue_per_core: 8,
+            reader_queue_per_session: 8,
+            mesh_bytes: 64 << 20,
             write_queue: 1024,
             write_batch: 256,
             streams: 256,
+            streams_per_session: 64,
+            streams_per_peer: 64,
+            stream_bytes: 1 << 20,
+            stream_stall: Duration::from_secs(30),
+            read_bytes: 1 << 20,
             connection_streams: 64,
             header_bytes: 16 << 10,
             heartbeat: Duration::from_secs(15),

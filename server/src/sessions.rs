@@ -29,7 +29,7 @@ use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 use tracing::Instrument;
 
-use crate::compute::Pool;
+use crate::compute::{Pool, Queue};
 use crate::error::Error;
 use crate::limits::Limits;
 use crate::store::{Damage, Link, NewEvent, SessionHead, Store, StoreError};
@@ -154,7 +154,7 @@ impl<S: Aggregate> Sessions<S> {
     /// # Errors
     /// No such session, or its log could not be read in time.
     pub(crate) async fn newest(&self, session_id: &str, deadline: Instant) -> Result<Arc<S>, Error> {
-        Ok(self.open(session_id, deadline).await?.1.borrow().clone())
+        Ok(self.open(session_id, Queue::ROBOTS, deadline).await?.1.borrow().clone())
     }
 
     /// The newest state, if it is in memory.
@@ -167,10 +167,10 @@ impl<S: Aggregate> Sessions<S> {
     /// # Errors
     /// No such session, or its log could not be read in time.
     pub(crate) async fn subscribe(&self, session_id: &str, deadline: Instant) -> Result<States<S>, Error> {
-        Ok(self.open(session_id, deadline).await?.1)
+        Ok(self.open(session_id, Queue::WATCHERS, deadline).await?.1)
     }
 
-    /// The state at any revision; 0 is the newest.
+    /// The state at any revision; 0 is the newest. What has to be computed waits in `queue`.
     ///
     /// # Errors
     /// No such session or revision, or its log could not be read in time.
@@ -178,9 +178,10 @@ impl<S: Aggregate> Sessions<S> {
         &self,
         session_id: &str,
         revision: i64,
+        queue: Queue,
         deadline: Instant,
     ) -> Result<Arc<S>, Error> {
-        let newest = self.newest(session_id, deadline).await?;
+        let newest = self.open(session_id, queue, deadline).await?.1.borrow().clone();
         let head = newest.revision();
         if revision == 0 || revision == head {
             return Ok(newest);
@@ -195,7 +196,7 @@ impl<S: Aggregate> Sessions<S> {
         // Each event is checked by the one before it, so where the kept state ends need not be known.
         let nearest = self.past.nearest(&*newest, revision);
         let nearest = nearest.map(|state| Replayed { state, head: Head::empty(session_id) });
-        let state = self.replay(session_id, nearest, revision, deadline).await?.state;
+        let state = self.replay(session_id, nearest, revision, queue, deadline).await?.state;
         self.past.keep(state.clone());
         Ok(state)
     }
@@ -204,7 +205,7 @@ impl<S: Aggregate> Sessions<S> {
         let Change { session_id, request, expected_revision, actor, compute } = change;
         self.refuse_while_stopping()?;
         for _ in 0..ATTEMPTS {
-            let (live, states) = self.open(session_id, deadline).await?;
+            let (live, states) = self.open(session_id, Queue::ROBOTS, deadline).await?;
             let _permit = live.permit(deadline).await?;
             if live.is_gone() {
                 continue;
@@ -255,7 +256,8 @@ impl<S: Aggregate> Sessions<S> {
         }
         before.check_open()?;
         let (before, compute) = (before.clone(), compute.clone());
-        self.pool.run(deadline, move || compute(&before)).await?
+        let session_id = before.identity().0.to_owned();
+        self.pool.run(Queue::ROBOTS, &session_id, deadline, move || compute(&before)).await?
     }
 
     /// The reply to an earlier request with the same id, which must have had the same body.
@@ -273,9 +275,14 @@ impl<S: Aggregate> Sessions<S> {
     }
 
     /// The session in memory, replayed from its log if it was not there.
-    async fn open(&self, session_id: &str, deadline: Instant) -> Result<(Arc<Live<S>>, States<S>), Error> {
+    async fn open(
+        &self,
+        session_id: &str,
+        queue: Queue,
+        deadline: Instant,
+    ) -> Result<(Arc<Live<S>>, States<S>), Error> {
         let live = self.live.get(session_id);
-        match live.load(|| self.replay(session_id, None, i64::MAX, deadline)).await {
+        match live.load(|| self.replay(session_id, None, i64::MAX, queue, deadline)).await {
             Ok(states) => Ok((live, states)),
             Err(error) => {
                 self.live.forget(session_id, &live);

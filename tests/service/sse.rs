@@ -72,6 +72,36 @@ async fn a_stream_may_begin_anywhere_and_bring_meshes() {
 }
 
 #[tokio::test]
+async fn watchers_share_a_mesh_and_each_gets_the_faces_that_it_lacks() {
+    let server = Server::start().await;
+    let caller = server.grpc();
+    let first = caller.begin("ball").await;
+    caller.go_on("ball", first, 1).await;
+    let mut at_three = Vec::new();
+    // The third is served what was made for the first.
+    for after_revision in [1, 2, 1, 2] {
+        let path = format!("/v1/sessions/ball/events?after_revision={after_revision}&include_mesh=true");
+        let request = server.http().get(&path).header("accept", "text/event-stream");
+        let mut events = EventStream::from(accepted(request).await.unwrap());
+        let mesh = loop {
+            let event = events.next().await.unwrap();
+            let update: v1::WatchSessionResponse = from_json(&event.data);
+            match update.update {
+                Some(Update::Mesh(mesh)) if mesh.revision == 3 => break mesh,
+                _ => {}
+            }
+        };
+        let Some(v1::mesh::Body::Raw(raw)) = mesh.body else { panic!("a raw mesh") };
+        at_three.push(raw);
+    }
+    let [knows, new, knows_too, new_too] = at_three.try_into().unwrap();
+    assert!(knows.faces_u32_le.is_empty(), "they came with revision 2");
+    assert_eq!(new.faces_u32_le.len(), new.n_faces as usize * 12);
+    assert_eq!(knows.positions_f32_le, new.positions_f32_le);
+    assert_eq!((knows, new), (knows_too, new_too));
+}
+
+#[tokio::test]
 async fn a_stream_tells_the_end_of_its_session() {
     let server = Server::start().await;
     server.grpc().create(creation("ball")).await.unwrap();

@@ -9,6 +9,7 @@ use palpate_proto::v1::event::Kind;
 use tokio::time::Instant;
 
 use super::{Api, Call, appended, request_key, stored};
+use crate::compute::Queue;
 use crate::error::{Error, FieldViolation};
 use crate::limits::Limits;
 use crate::session::{AddedView, Question, Snapshot, now_us};
@@ -122,7 +123,7 @@ impl Api {
             return Err(Error::NoVisualPrior);
         }
         let propose = move || answer(&snapshot, &question, &snapshot.propose(&question, now_us()));
-        self.sessions.pool.run(deadline, propose).await
+        self.sessions.pool.run(Queue::ROBOTS, &session_id, deadline, propose).await
     }
 
     pub(super) async fn report(

@@ -11,17 +11,21 @@ use palpate_proto::v1;
 use palpate_proto::v1::event::Kind;
 use palpate_proto::v1::explore_request::Message as RequestMessage;
 use palpate_proto::v1::explore_response::Message as ReplyMessage;
-use tokio::sync::mpsc;
+use prost::Message;
 use tokio::time::Instant;
 use tokio_stream::{Stream, StreamExt};
 use tracing::Instrument;
 
 use super::exploration::FieldNames;
-use super::{Api, Call, Replies, STREAM_BUFFER, request_key, stored};
+use super::mesh::Form;
+use super::outbox::{self, Gone, Outbox};
+use super::places::Place;
+use super::{Api, Call, Replies, request_key, stored};
+use crate::compute::Queue;
 use crate::error::{Error, FieldViolation};
 use crate::wire::{from_proto, to_proto};
 
-/// Missed replies read from the log at once.
+/// Missed replies read from the log at once, if their events are not large.
 const PAGE: i64 = 16;
 
 const NAMES: FieldNames =
@@ -42,11 +46,9 @@ struct ExploreStream {
     api: Api,
     actor: String,
     open: Option<Exploration>,
-    replies: mpsc::Sender<Result<v1::ExploreResponse, Error>>,
+    place: Place,
+    replies: Outbox<v1::ExploreResponse>,
 }
-
-/// The caller is gone.
-struct Gone;
 
 impl Api {
     /// Runs the exploration loop over a stream of messages.
@@ -59,15 +61,12 @@ impl Api {
         call: Call,
     ) -> Result<Replies<v1::ExploreResponse>, Error> {
         self.run("Explore", "", &call, async |_| {
-            let slot = self.stream_slot()?;
-            let (replies, receiver) = mpsc::channel(STREAM_BUFFER);
-            let stream = ExploreStream { api: self.clone(), actor: call.actor.clone(), open: None, replies };
-            let run = async move {
-                stream.run(messages).await;
-                drop(slot);
-            };
-            tokio::spawn(run.in_current_span());
-            Ok(Replies::new(receiver))
+            let place = self.places.take(call.peer, &self.limits)?;
+            let (outbox, replies) = outbox::stream(&self.limits);
+            let (api, actor) = (self.clone(), call.actor.clone());
+            let stream = ExploreStream { api, actor, open: None, place, replies: outbox };
+            tokio::spawn(stream.run(messages).in_current_span());
+            Ok(replies)
         })
         .await
     }
@@ -86,7 +85,7 @@ impl ExploreStream {
                 None => return,
                 Some(Err(error)) => {
                     // Either the caller's stream broke or the server stops: nothing comes after it.
-                    let _ = self.replies.send(Err(error)).await;
+                    self.replies.end(error);
                     return;
                 }
                 Some(Ok(message)) => {
@@ -102,6 +101,10 @@ impl ExploreStream {
         let v1::ExploreRequest { id, request_id, message } = request;
         let started = Instant::now();
         let deadline = started + self.api.limits.call_timeout;
+        let resumed_after = match &message {
+            Some(RequestMessage::Open(open)) => open.resume_after_revision,
+            _ => 0,
+        };
         let outcome = match message {
             None => Err(Error::field("message", "is missing")),
             Some(RequestMessage::Ping(ping)) => Ok(vec![ReplyMessage::Pong(ping)]),
@@ -113,11 +116,12 @@ impl ExploreStream {
         let session_id = self.open.as_ref().map_or("", |open| open.session_id.as_str());
         tracing::info_span!("explore", session_id, id)
             .in_scope(|| super::log(outcome.as_ref().err(), started));
+        let was_resumed = outcome.is_ok() && resumed_after > 0;
         let replies = outcome.unwrap_or_else(|error| vec![ReplyMessage::Problem(problem(&error))]);
         for reply in replies {
             self.reply(id, reply).await?;
         }
-        Ok(())
+        if was_resumed { self.send_missed(id, resumed_after).await } else { Ok(()) }
     }
 
     async fn reply(&self, id: u64, message: ReplyMessage) -> Result<(), Gone> {
@@ -130,7 +134,8 @@ impl ExploreStream {
             ReplyMessage::Problem(_) | ReplyMessage::Pong(_) => self.known_revision(),
         };
         let reply = v1::ExploreResponse { in_reply_to: id, revision, message: Some(message) };
-        self.replies.send(Ok(reply)).await.map_err(|_| Gone)
+        let bytes = reply.encoded_len();
+        self.replies.send(reply, bytes).await
     }
 
     fn known_revision(&self) -> i64 {
@@ -153,31 +158,47 @@ impl ExploreStream {
                 format!("{resume_after_revision} is not between 0 and the session's revision {revision}");
             return Err(Error::field("open.resume_after_revision", description));
         }
-        let mut replies = vec![ReplyMessage::Opened(to_proto::session(&snapshot))];
-        if resume_after_revision > 0 {
-            replies.extend(self.missed(&session_id, resume_after_revision).await?);
-        }
+        self.place.enter(&session_id, &self.api.limits)?;
+        let opened = ReplyMessage::Opened(to_proto::session(&snapshot));
         self.open = Some(Exploration { session_id, robot, top_k, send_mesh, topology: String::new() });
-        Ok(replies)
+        Ok(vec![opened])
     }
 
-    /// The replies that a broken stream may have swallowed, from the log.
-    async fn missed(&self, session_id: &str, mut after: i64) -> Result<Vec<ReplyMessage>, Error> {
-        let mut missed = Vec::new();
+    /// Sends the replies that a broken stream may have swallowed, as they are read from the log. Where that
+    /// fails the stream ends, and the robot opens it again.
+    async fn send_missed(&self, id: u64, mut after: i64) -> Result<(), Gone> {
         loop {
-            let rows = self.api.sessions.store.events(session_id, after, PAGE).await?;
-            let Some(last) = rows.last() else { return Ok(missed) };
-            after = last.seq;
-            for row in &rows {
-                let kind = crate::wire::event::kind(row.seq, &row.payload);
-                match kind.map_err(|error| Error::internal(error.to_string()))? {
-                    Kind::VisualPrior(_) => missed.push(ReplyMessage::Prior(stored(&row.reply)?)),
-                    Kind::ContactResult(_) => missed.push(ReplyMessage::Accepted(stored(&row.reply)?)),
-                    Kind::Lease(_) => missed.push(ReplyMessage::Candidates(stored(&row.reply)?)),
-                    Kind::Created(_) | Kind::RetractedSeq(_) | Kind::Finished(_) => {}
+            let (missed, last) = match self.missed(after).await {
+                Ok(missed) => missed,
+                Err(error) => {
+                    self.replies.end(error);
+                    return Err(Gone);
                 }
+            };
+            for reply in missed {
+                self.reply(id, reply).await?;
+            }
+            let Some(last) = last else { return Ok(()) };
+            after = last;
+        }
+    }
+
+    /// A few of those replies, and the last event that was looked at; `None` at the end of the log.
+    async fn missed(&self, after: i64) -> Result<(Vec<ReplyMessage>, Option<i64>), Error> {
+        let session_id = self.open.as_ref().map_or("", |open| open.session_id.as_str());
+        let read_bytes = self.api.limits.read_bytes;
+        let rows = self.api.sessions.store.events_within(session_id, after, PAGE, read_bytes).await?;
+        let mut missed = Vec::new();
+        for row in &rows {
+            let kind = crate::wire::event::kind(row.seq, &row.payload);
+            match kind.map_err(|error| Error::internal(error.to_string()))? {
+                Kind::VisualPrior(_) => missed.push(ReplyMessage::Prior(stored(&row.reply)?)),
+                Kind::ContactResult(_) => missed.push(ReplyMessage::Accepted(stored(&row.reply)?)),
+                Kind::Lease(_) => missed.push(ReplyMessage::Candidates(stored(&row.reply)?)),
+                Kind::Created(_) | Kind::RetractedSeq(_) | Kind::Finished(_) => {}
             }
         }
+        Ok((missed, rows.last().map(|row| row.seq)))
     }
 
     async fn add_prior(
@@ -248,12 +269,14 @@ impl ExploreStream {
         deadline: Instant,
     ) -> Result<Vec<ReplyMessage>, Error> {
         let Some(open) = self.open.as_mut().filter(|open| open.send_mesh) else { return Ok(vec![reply]) };
-        let mesh = self.api.raw_mesh(&open.session_id, revision, open.topology.clone(), deadline).await;
-        match mesh {
-            Ok(mesh) => {
-                if let Some(v1::mesh::Body::Raw(raw)) = &mesh.body {
-                    open.topology.clone_from(&raw.topology_etag);
-                }
+        let made = async {
+            let newest = self.api.sessions.newest(&open.session_id, deadline).await?;
+            self.api.made_mesh(&newest, revision, Form::Raw, Queue::EXPLORERS, deadline).await
+        };
+        match made.await {
+            Ok(made) => {
+                let (mesh, _) = made.for_caller_with(&open.topology);
+                open.topology = made.topology().to_owned();
                 Ok(vec![reply, ReplyMessage::Mesh(mesh)])
             }
             // What was accepted stays accepted, and the caller must know both.

@@ -1,14 +1,19 @@
 //! The estimated surface of any revision, packed or as a file.
 
+use std::sync::Arc;
+
 use palpate_core::reconstruction::Surface;
 use palpate_proto::v1;
 use sha2::{Digest, Sha256};
 use tokio::time::Instant;
 
+use super::made_mesh::{Key, MadeMesh};
 use super::{Api, Call};
+use crate::compute::Queue;
 use crate::error::Error;
 use crate::mesh_format::{FileFormat, RawArrays, raw, write_file};
 use crate::session::{Snapshot, hex};
+use crate::sessions::Aggregate;
 use crate::wire::to_proto;
 
 /// The formats that a mesh can be had in.
@@ -18,8 +23,9 @@ pub(super) const FORMATS: [v1::MeshFormat; 4] =
 /// A digest is cut to this many bytes in an etag: enough that no two contents ever share one.
 const ETAG_BYTES: usize = 12;
 
-#[derive(Clone, Copy, Debug)]
-enum Form {
+/// How a mesh is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Form {
     Raw,
     File(FileFormat),
 }
@@ -34,28 +40,74 @@ impl Api {
         self.run_on_session("GetMesh", &session_id, &call, async |deadline| {
             let v1::GetMeshRequest { session_id, revision, format, if_none_match, have_topology } = request;
             let form = form(format)?;
-            let snapshot = self.sessions.at_revision(&session_id, revision, deadline).await?;
-            let etag = etag(&snapshot, form);
-            if if_none_match.trim_matches('"') == etag {
-                let revision = snapshot.revision;
-                return Ok(v1::Mesh { revision, etag, not_modified: true, ..v1::Mesh::default() });
+            let newest = self.sessions.at_revision(&session_id, 0, Queue::READERS, deadline).await?;
+            let is_newest = revision == 0 || revision == newest.revision;
+            let known = if_none_match.trim_matches('"');
+            if is_newest && known == etag(&newest, form) {
+                return Ok(not_modified(newest.revision, known));
             }
-            self.sessions.pool.run(deadline, move || mesh(&snapshot, form, &have_topology)).await?
+            let made = self.made_mesh(&newest, revision, form, Queue::READERS, deadline).await?;
+            if known == made.etag() {
+                return Ok(not_modified(revision, known));
+            }
+            Ok(made.for_caller_with(&have_topology).0)
         })
         .await
     }
 
-    /// The packed mesh of a snapshot that has one, for streams.
-    pub(super) async fn raw_mesh(
+    /// The mesh of this session at a revision, 0 being the newest; made once for all who ask.
+    ///
+    /// # Errors
+    /// No such revision, nothing was seen yet, or it could not be made in time.
+    pub(super) async fn made_mesh(
         &self,
-        session_id: &str,
+        newest: &Snapshot,
         revision: i64,
-        have_topology: String,
+        form: Form,
+        queue: Queue,
         deadline: Instant,
-    ) -> Result<v1::Mesh, Error> {
-        let snapshot = self.sessions.at_revision(session_id, revision, deadline).await?;
-        self.sessions.pool.run(deadline, move || mesh(&snapshot, Form::Raw, &have_topology)).await?
+    ) -> Result<Arc<MadeMesh>, Error> {
+        let revision = if revision == 0 { newest.revision } else { revision };
+        let (session_id, created_us) = newest.identity();
+        let key = Key { revision, created_us, session_id: session_id.to_owned(), form };
+        let cell = self.meshes.cell(&key);
+        let make = || self.make_mesh(newest, revision, form, queue, deadline);
+        let made = if queue.is_of_robots() {
+            // A robot does not wait for what stands in the readers' queue.
+            match cell.get() {
+                Some(made) => Ok(made.clone()),
+                None => make().await.inspect(|made| drop(cell.set(made.clone()))),
+            }
+        } else {
+            cell.get_or_try_init(make).await.cloned()
+        };
+        self.meshes.trim();
+        made
     }
+
+    async fn make_mesh(
+        &self,
+        newest: &Snapshot,
+        revision: i64,
+        form: Form,
+        queue: Queue,
+        deadline: Instant,
+    ) -> Result<Arc<MadeMesh>, Error> {
+        let (session_id, _) = newest.identity();
+        let snapshot = self.sessions.at_revision(session_id, revision, queue, deadline).await?;
+        if snapshot.identity() != newest.identity() {
+            return Err(Error::SessionNotFound { session_id: session_id.to_owned() });
+        }
+        if snapshot.reconstruction.last_estimate().is_none() {
+            return Err(Error::NoVisualPrior);
+        }
+        let make = move || mesh(&snapshot, form).map(MadeMesh::new);
+        self.sessions.pool.run(queue, session_id, deadline, make).await?.map(Arc::new)
+    }
+}
+
+fn not_modified(revision: i64, etag: &str) -> v1::Mesh {
+    v1::Mesh { revision, etag: etag.to_owned(), not_modified: true, ..v1::Mesh::default() }
 }
 
 fn form(format: i32) -> Result<Form, Error> {
@@ -82,10 +134,10 @@ fn etag(snapshot: &Snapshot, form: Form) -> String {
     format!("{}-{}-{suffix}", snapshot.revision, hex(&snapshot.digest[..ETAG_BYTES]))
 }
 
-fn mesh(snapshot: &Snapshot, form: Form, have_topology: &str) -> Result<v1::Mesh, Error> {
+fn mesh(snapshot: &Snapshot, form: Form) -> Result<v1::Mesh, Error> {
     let surface = snapshot.reconstruction.surface().ok_or(Error::NoVisualPrior)?;
     let (content_type, body) = match form {
-        Form::Raw => (String::new(), v1::mesh::Body::Raw(raw_mesh(&surface, have_topology))),
+        Form::Raw => (String::new(), v1::mesh::Body::Raw(raw_mesh(&surface))),
         Form::File(format) => {
             let file = write_file(format, &surface, snapshot.revision);
             (format.content_type().to_owned(), v1::mesh::Body::File(file.into()))
@@ -101,7 +153,7 @@ fn mesh(snapshot: &Snapshot, form: Form, have_topology: &str) -> Result<v1::Mesh
     })
 }
 
-fn raw_mesh(surface: &Surface, have_topology: &str) -> v1::RawMesh {
+fn raw_mesh(surface: &Surface) -> v1::RawMesh {
     let RawArrays { positions_f32_le, faces_u32_le, uncertainty_f32_le, std_m_f32_le } = raw(surface);
     let topology_etag = hex(&Sha256::digest(&faces_u32_le)[..ETAG_BYTES]);
     let count = |items: usize| u32::try_from(items).unwrap_or(u32::MAX);
@@ -109,7 +161,7 @@ fn raw_mesh(surface: &Surface, have_topology: &str) -> v1::RawMesh {
         n_vertices: count(surface.mesh.vertices.len()),
         n_faces: count(surface.mesh.faces.len()),
         positions_f32_le: positions_f32_le.into(),
-        faces_u32_le: if have_topology == topology_etag { Vec::new() } else { faces_u32_le }.into(),
+        faces_u32_le: faces_u32_le.into(),
         uncertainty_f32_le: uncertainty_f32_le.into(),
         std_m_f32_le: std_m_f32_le.into(),
         topology_etag,

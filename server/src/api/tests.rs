@@ -9,6 +9,7 @@ use tempfile::TempDir;
 use super::*;
 use crate::session::Snapshot;
 use crate::sessions::Change;
+use crate::store::SessionRow;
 
 async fn service(folder: &TempDir, limits: Limits) -> Api {
     let store = Store::open_beside(&folder.path().join("log.db"), &limits).await.unwrap();
@@ -187,6 +188,52 @@ async fn a_creation_without_id_is_retried_safely() {
     api.delete_session(gone, Call::default()).await.unwrap();
     let late = api.create_session(request, Call::default()).await.unwrap_err();
     assert_eq!(late.reason(), "SESSION_NOT_FOUND", "a late retry brings nothing back");
+}
+
+#[tokio::test]
+async fn a_list_ends_where_the_log_does_whatever_the_head_says() {
+    let folder = tempfile::tempdir().unwrap();
+    let api = service(&folder, Limits { read_bytes: 1, ..Limits::default() }).await;
+    create(&api, "short").await;
+    api.add_visual_prior(view("short", "a", 0.0), Call::default()).await.unwrap();
+    let found = api.sessions.store.session("short").await.unwrap().unwrap();
+    let wrong = SessionRow { head: 7, ..found.clone() };
+    let list = tokio::time::timeout(Duration::from_secs(20), api.events_after(wrong, 0, 50, false));
+    let page = list.await.expect("it ends").unwrap();
+    assert_eq!((page.events.len(), page.next_page_token.as_str()), (2, ""));
+
+    let earlier = SessionRow { created_us: found.created_us - 1, head: 7, ..found };
+    let another = api.events_after(earlier, 0, 50, false).await.unwrap_err();
+    assert_eq!(another.reason(), "SESSION_NOT_FOUND", "these events are those of a new session of this name");
+}
+
+#[tokio::test]
+async fn large_events_are_read_one_by_one_and_small_ones_together() {
+    let folder = tempfile::tempdir().unwrap();
+    let api = service(&folder, Limits::default()).await;
+    create(&api, "views").await;
+    for request_id in ["a", "b", "c"] {
+        api.add_visual_prior(view("views", request_id, 0.0), Call::default()).await.unwrap();
+    }
+    let store = &api.sessions.store;
+    let rows = store.events("views", 0, 16).await.unwrap();
+    let size = |row: &crate::store::EventRow| row.payload.len() + row.reply.len();
+    let first_two = size(&rows[0]) + size(&rows[1]);
+    for (after, count, bytes, expected) in [
+        (0, 16, 0, 1..=1),
+        (0, 16, first_two - 1, 1..=1),
+        (0, 16, first_two, 1..=2),
+        (0, 16, usize::MAX, 1..=4),
+        (0, 3, usize::MAX, 1..=3),
+        (2, 16, 1, 3..=3),
+        (3, 16, usize::MAX, 4..=4),
+    ] {
+        let read = store.events_within("views", after, count, bytes).await.unwrap();
+        let seqs: Vec<i64> = read.iter().map(|row| row.seq).collect();
+        assert_eq!(seqs, expected.collect::<Vec<_>>(), "after {after}, {count} events, {bytes} bytes");
+    }
+    assert!(store.events_within("views", 4, 16, usize::MAX).await.unwrap().is_empty());
+    assert!(store.events_within("nowhere", 0, 16, usize::MAX).await.unwrap().is_empty());
 }
 
 #[test]

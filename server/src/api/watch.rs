@@ -7,11 +7,16 @@ use std::time::Duration;
 
 use palpate_proto::v1;
 use palpate_proto::v1::watch_session_response::Update;
-use tokio::sync::{mpsc, watch};
+use prost::Message;
+use tokio::sync::watch;
 use tokio::time::Instant;
 use tracing::Instrument;
 
-use super::{Api, Call, Replies, STREAM_BUFFER};
+use super::made_mesh::{MadeMesh, Rendering};
+use super::mesh::Form;
+use super::outbox::{self, Gone, Outbox};
+use super::{Api, Call, Replies};
+use crate::compute::Queue;
 use crate::error::Error;
 use crate::limits::Limits;
 use crate::session::Snapshot;
@@ -19,24 +24,33 @@ use crate::sessions::FoldError;
 use crate::store::EventRow;
 use crate::wire::{event, to_proto};
 
-/// Events read from the log at once.
+/// Events read from the log at once, if they are not large.
 const PAGE: i64 = 16;
+/// How long a watcher waits before it asks again for what there was no time for.
+const AGAIN_AFTER: Duration = Duration::from_millis(100);
 
-type Sender = mpsc::Sender<Result<v1::WatchSessionResponse, Error>>;
+/// One message of a watch, with what a transport made of it where all watchers get the same.
+#[derive(Debug)]
+pub(crate) struct WatchUpdate {
+    pub(crate) message: v1::WatchSessionResponse,
+    pub(crate) rendering: Option<Rendering>,
+}
 
 /// One caller that follows a session.
 struct Watcher {
     api: Api,
     session_id: String,
+    /// Tells the session from another one of the same id.
+    created_us: i64,
     /// The last event that was sent.
     sent: i64,
     include_mesh: bool,
     heartbeat: Duration,
     /// The etag of the faces that the caller has.
     topology: String,
-    /// The state whose mesh was sent last.
-    shown: Option<Arc<Snapshot>>,
-    updates: Sender,
+    /// The surface that was sent last.
+    shown: Option<[u8; 32]>,
+    updates: Arc<Outbox<WatchUpdate>>,
 }
 
 impl Api {
@@ -48,36 +62,39 @@ impl Api {
         &self,
         request: v1::WatchSessionRequest,
         call: Call,
-    ) -> Result<Replies<v1::WatchSessionResponse>, Error> {
+    ) -> Result<Replies<WatchUpdate>, Error> {
         let session_id = request.session_id.clone();
         self.run_on_session("WatchSession", &session_id, &call, async |deadline| {
             let v1::WatchSessionRequest { session_id, after_revision, include_mesh, heartbeat } = request;
             let heartbeat = heartbeat_interval(heartbeat, &self.limits)?;
-            let slot = self.stream_slot()?;
+            let mut place = self.places.take(call.peer, &self.limits)?;
             let snapshots = self.sessions.subscribe(&session_id, deadline).await?;
-            let revision = snapshots.borrow().revision;
+            place.enter(&session_id, &self.limits)?;
+            let (revision, created_us) =
+                (snapshots.borrow().revision, snapshots.borrow().definition.created_us);
             if !(0..=revision).contains(&after_revision) {
                 let description =
                     format!("{after_revision} is not between 0 and the session's revision {revision}");
                 return Err(Error::field("after_revision", description));
             }
-            let (updates, receiver) = mpsc::channel(STREAM_BUFFER);
+            let (updates, replies) = outbox::stream(&self.limits);
             let watcher = Watcher {
                 api: self.clone(),
                 session_id,
+                created_us,
                 sent: after_revision,
                 include_mesh,
                 heartbeat,
                 topology: String::new(),
                 shown: None,
-                updates,
+                updates: Arc::new(updates),
             };
             let follow = async move {
                 watcher.follow(snapshots).await;
-                drop(slot);
+                drop(place);
             };
             tokio::spawn(follow.in_current_span());
-            Ok(Replies::new(receiver))
+            Ok(replies)
         })
         .await
     }
@@ -95,8 +112,7 @@ impl Watcher {
             Ok(()) => tracing::debug!("the watcher left"),
             Err(error) => {
                 tracing::info!(%error, "a watch ended");
-                // A reader whose buffer is full, or who is gone, only sees the stream end.
-                let _ = updates.try_send(Err(error));
+                updates.end(error);
             }
         }
     }
@@ -106,20 +122,18 @@ impl Watcher {
         let mut silence = 0;
         loop {
             snapshots.mark_unchanged();
-            if !self.send_new_events().await? {
+            if self.send_new_events(&snapshots).await?.is_err() {
                 return Ok(());
             }
             let changed = tokio::time::timeout(self.heartbeat, snapshots.changed()).await;
             match changed {
                 Ok(Ok(())) => {}
                 // Evicted, and then loaded again here, or removed, and then not found.
-                Ok(Err(_)) => {
-                    snapshots = self.api.sessions.subscribe(&self.session_id, self.deadline()).await?;
-                }
+                Ok(Err(_)) => snapshots = self.subscribe_again().await?,
                 Err(_elapsed) => {
                     silence += 1;
                     let heartbeat = Update::Heartbeat(v1::Ping { nonce: silence });
-                    if !self.send(heartbeat, None, Vec::new()).await {
+                    if self.send(heartbeat, None, Vec::new(), None).await.is_err() {
                         return Ok(());
                     }
                 }
@@ -127,22 +141,44 @@ impl Watcher {
         }
     }
 
-    /// Sends what the log has beyond the last event sent; false when the caller is gone.
-    async fn send_new_events(&mut self) -> Result<bool, Error> {
+    async fn subscribe_again(&self) -> Result<watch::Receiver<Arc<Snapshot>>, Error> {
+        let snapshots = loop {
+            match self.api.sessions.subscribe(&self.session_id, self.deadline()).await {
+                Ok(snapshots) => break snapshots,
+                Err(error) => try_again(error).await?,
+            }
+        };
+        if snapshots.borrow().definition.created_us != self.created_us {
+            return Err(Error::SessionNotFound { session_id: self.session_id.clone() });
+        }
+        Ok(snapshots)
+    }
+
+    /// Sends what the log has beyond the last event sent.
+    async fn send_new_events(
+        &mut self,
+        snapshots: &watch::Receiver<Arc<Snapshot>>,
+    ) -> Result<Result<(), Gone>, Error> {
+        let read_bytes = self.api.limits.read_bytes;
         loop {
-            let rows = self.api.sessions.store.events(&self.session_id, self.sent, PAGE).await?;
+            let store = &self.api.sessions.store;
+            let rows = store.events_within(&self.session_id, self.sent, PAGE, read_bytes).await?;
             if rows.is_empty() {
-                return Ok(true);
+                return Ok(Ok(()));
             }
             for row in rows {
-                if !self.send_event(row).await? {
-                    return Ok(false);
+                if self.send_event(row, snapshots).await?.is_err() {
+                    return Ok(Err(Gone));
                 }
             }
         }
     }
 
-    async fn send_event(&mut self, row: EventRow) -> Result<bool, Error> {
+    async fn send_event(
+        &mut self,
+        row: EventRow,
+        snapshots: &watch::Receiver<Arc<Snapshot>>,
+    ) -> Result<Result<(), Gone>, Error> {
         let unreadable = |error: FoldError| Error::internal(error.to_string());
         let seq = row.seq;
         let (session, candidates) = event::reply_after(&row).map_err(unreadable)?;
@@ -150,36 +186,52 @@ impl Watcher {
             Some(session) => session,
             None => to_proto::session(&*self.at_revision(seq).await?),
         };
-        let session = Some(session);
         let event = event::decode(row, false).map_err(unreadable)?;
-        if !self.send(Update::Event(event), session.clone(), candidates).await {
-            return Ok(false);
+        if self.send(Update::Event(event), Some(session.clone()), candidates, None).await.is_err() {
+            return Ok(Err(Gone));
         }
         self.sent = seq;
-        if self.include_mesh && self.surface_changed(seq).await? {
-            let topology = self.topology.clone();
-            let mesh = self.api.raw_mesh(&self.session_id, seq, topology, self.deadline()).await?;
-            if let Some(v1::mesh::Body::Raw(raw)) = &mesh.body {
-                self.topology.clone_from(&raw.topology_etag);
-            }
-            return Ok(self.send(Update::Mesh(mesh), session, Vec::new()).await);
+        if !self.include_mesh {
+            return Ok(Ok(()));
         }
-        Ok(true)
+        match self.mesh_at(seq, snapshots).await? {
+            Some(made) if self.shown != Some(made.surface) => {
+                let (mesh, rendering) = made.for_caller_with(&self.topology);
+                self.topology = made.topology().to_owned();
+                self.shown = Some(made.surface);
+                // What is shared is not held while a slow reader is waited for.
+                drop(made);
+                Ok(self.send(Update::Mesh(mesh), Some(session), Vec::new(), Some(rendering)).await)
+            }
+            Some(_) | None => Ok(Ok(())),
+        }
     }
 
     async fn at_revision(&self, seq: i64) -> Result<Arc<Snapshot>, Error> {
-        self.api.sessions.at_revision(&self.session_id, seq, self.deadline()).await
+        let sessions = &self.api.sessions;
+        loop {
+            match sessions.at_revision(&self.session_id, seq, Queue::WATCHERS, self.deadline()).await {
+                Ok(snapshot) => return Ok(snapshot),
+                Err(error) => try_again(error).await?,
+            }
+        }
     }
 
-    /// Whether the event `seq` gave another surface than the one that was sent last.
-    async fn surface_changed(&mut self, seq: i64) -> Result<bool, Error> {
-        let snapshot = self.at_revision(seq).await?;
-        let changed = match &self.shown {
-            Some(shown) => !snapshot.reconstruction.has_surface_of(&shown.reconstruction),
-            None => snapshot.reconstruction.last_estimate().is_some(),
-        };
-        self.shown = Some(snapshot);
-        Ok(changed)
+    /// The mesh after the event `seq`; `None` while nothing was seen.
+    async fn mesh_at(
+        &self,
+        seq: i64,
+        snapshots: &watch::Receiver<Arc<Snapshot>>,
+    ) -> Result<Option<Arc<MadeMesh>>, Error> {
+        let newest = snapshots.borrow().clone();
+        loop {
+            let deadline = self.deadline();
+            match self.api.made_mesh(&newest, seq, Form::Raw, Queue::WATCHERS, deadline).await {
+                Ok(made) => return Ok(Some(made)),
+                Err(Error::NoVisualPrior) => return Ok(None),
+                Err(error) => try_again(error).await?,
+            }
+        }
     }
 
     async fn send(
@@ -187,14 +239,27 @@ impl Watcher {
         update: Update,
         session: Option<v1::Session>,
         candidates: Vec<v1::Candidate>,
-    ) -> bool {
+        rendering: Option<Rendering>,
+    ) -> Result<(), Gone> {
         let message =
             v1::WatchSessionResponse { update: Some(update), session, candidates, hash_matches: false };
-        self.updates.send(Ok(message)).await.is_ok()
+        let bytes = message.encoded_len();
+        self.updates.send(WatchUpdate { message, rendering }, bytes).await
     }
 
     fn deadline(&self) -> Instant {
         Instant::now() + self.api.limits.call_timeout
+    }
+}
+
+/// Waits a little where there was no room or no time: a watch does not end because others keep the server busy.
+async fn try_again(after: Error) -> Result<(), Error> {
+    match after {
+        Error::QueueFull { .. } | Error::DeadlineExceeded => {
+            tokio::time::sleep(AGAIN_AFTER).await;
+            Ok(())
+        }
+        error => Err(error),
     }
 }
 

@@ -2,6 +2,7 @@
 
 use palpate_proto::v1;
 use palpate_proto::v1::reconstruction_service_server::ReconstructionService;
+use tokio_stream::StreamExt;
 use tonic::{Request, Response, Status};
 
 use super::{Handlers, Replies, call, replies, reply, unavailable};
@@ -28,7 +29,8 @@ impl ReconstructionService for Handlers {
         request: Request<v1::WatchSessionRequest>,
     ) -> Result<Response<Self::WatchSessionStream>, Status> {
         let call = call(&request);
-        replies(self.api.watch_session(request.into_inner(), call).await)
+        let updates = self.api.watch_session(request.into_inner(), call).await;
+        replies(updates.map(|updates| updates.map(|update| update.map(|update| update.message))))
     }
 
     type ReplaySessionStream = Replies<v1::WatchSessionResponse>;

@@ -7,7 +7,7 @@ use axum::extract::{Path, State};
 use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
 use futures_util::StreamExt;
-use http::{HeaderMap, HeaderName};
+use http::{Extensions, HeaderMap, HeaderName};
 use palpate_proto::v1;
 use palpate_proto::v1::event::Kind;
 use palpate_proto::v1::watch_session_response::Update;
@@ -17,8 +17,9 @@ use super::extract::{Params, text};
 use super::negotiation;
 use super::problem::Problem;
 use super::proto_json::{ProtoJson, to_json};
-use crate::api::{Api, Call};
+use crate::api::{Api, Call, WatchUpdate};
 use crate::error::Error;
+use crate::peer;
 
 /// A comment is sent after this long without an event, so that a dead connection is noticed.
 const HEARTBEAT: Duration = Duration::from_secs(15);
@@ -66,9 +67,11 @@ pub(super) async fn get(
     Path(session_id): Path<String>,
     Params(params): Params<EventsParams>,
     headers: HeaderMap,
+    extensions: Extensions,
 ) -> Result<Response, Problem> {
     if negotiation::names(&headers, "text/event-stream") {
-        stream(&api, session_id, params, &headers).await
+        let call = Call { peer: peer::address(&extensions), ..Call::default() };
+        stream(&api, session_id, params, &headers, call).await
     } else {
         page(&api, session_id, params).await
     }
@@ -94,6 +97,7 @@ async fn stream(
     session_id: String,
     params: EventsParams,
     headers: &HeaderMap,
+    call: Call,
 ) -> Result<Response, Problem> {
     let EventsParams { page_size, page_token, include_points, after_revision, include_mesh } = params;
     refuse_other_form(
@@ -106,7 +110,7 @@ async fn stream(
         include_mesh: include_mesh.unwrap_or_default(),
         heartbeat: None,
     };
-    let updates = api.watch_session(request, Call::default()).await?;
+    let updates = api.watch_session(request, call).await?;
     let events = updates.filter_map(async |update| {
         let event = update.and_then(|update| event(&update));
         event.unwrap_or_else(|error| Some(problem_event(error))).map(Ok::<Event, Infallible>)
@@ -115,13 +119,19 @@ async fn stream(
 }
 
 /// One update as an event; `None` for a sign of life, which here is a comment.
-fn event(update: &v1::WatchSessionResponse) -> Result<Option<Event>, Error> {
-    let event = match &update.update {
+fn event(update: &WatchUpdate) -> Result<Option<Event>, Error> {
+    let WatchUpdate { message, rendering } = update;
+    let event = match &message.update {
         Some(Update::Event(event)) => Event::default().id(event.seq.to_string()).event(event_name(event)),
         Some(Update::Mesh(_)) => Event::default().event("mesh"),
         Some(Update::Heartbeat(_)) | None => return Ok(None),
     };
-    Ok(Some(event.data(to_json(update)?)))
+    let Some(rendering) = rendering else { return Ok(Some(event.data(to_json(message)?))) };
+    if rendering.get().is_none() {
+        // Whoever is first; two at once make the same text.
+        let _ = rendering.set(to_json(message)?);
+    }
+    Ok(rendering.get().map(|text| event.data(text)))
 }
 
 fn event_name(event: &v1::Event) -> &'static str {
@@ -162,7 +172,7 @@ mod tests {
             update: Some(Update::Heartbeat(v1::Ping::default())),
             ..v1::WatchSessionResponse::default()
         };
-        assert!(event(&beat).unwrap().is_none());
+        assert!(event(&WatchUpdate { message: beat, rendering: None }).unwrap().is_none());
     }
 
     #[test]

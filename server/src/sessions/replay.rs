@@ -6,6 +6,7 @@ use tokio::time::Instant;
 
 use super::live::{Head, Live, Replayed};
 use super::{ATTEMPTS, Aggregate, Fold, FoldError, Sessions, contended};
+use crate::compute::Queue;
 use crate::error::Error;
 use crate::store::{Damage, EventRow, SessionRow, StoreError};
 
@@ -31,6 +32,7 @@ impl<S: Aggregate> Sessions<S> {
         session_id: &str,
         from: Option<Replayed<S>>,
         to: i64,
+        queue: Queue,
         deadline: Instant,
     ) -> Result<Replayed<S>, Error> {
         for _ in 0..ATTEMPTS {
@@ -40,7 +42,7 @@ impl<S: Aggregate> Sessions<S> {
                 None => (None, Head::empty(session_id)),
             };
             let start = Folded { state, head, damage: None };
-            let folded = self.fold_on(&row, start, to.min(row.head), deadline).await?;
+            let folded = self.fold_on(&row, start, to.min(row.head), queue, deadline).await?;
             let Some(damage) = folded.damage else {
                 let state = folded.state.ok_or_else(|| not_found(session_id))?;
                 if row.damage().is_some() && from.is_none() && to >= row.head {
@@ -62,6 +64,7 @@ impl<S: Aggregate> Sessions<S> {
         row: &SessionRow,
         start: Folded<S>,
         end: i64,
+        queue: Queue,
         deadline: Instant,
     ) -> Result<Folded<S>, Error> {
         let session_id = row.session_id.as_str();
@@ -80,7 +83,10 @@ impl<S: Aggregate> Sessions<S> {
                 break;
             }
             let (fold, id) = (self.fold, session_id.to_owned());
-            folded = self.pool.run(deadline, move || fold_page(fold, &id, folded, &page)).await?;
+            folded = self
+                .pool
+                .run(queue, session_id, deadline, move || fold_page(fold, &id, folded, &page))
+                .await?;
             if folded.damage.is_some() {
                 return Ok(folded);
             }
@@ -144,7 +150,7 @@ impl<S: Aggregate> Sessions<S> {
         let known = self.loaded(session_id).filter(|known| known.identity().1 == row.created_us);
         let known = known.filter(|_| row.damage().is_none());
         let known = known.zip(live.head()).map(|(state, head)| Replayed { state, head });
-        live.publish(self.replay(session_id, known, i64::MAX, deadline).await?);
+        live.publish(self.replay(session_id, known, i64::MAX, Queue::ROBOTS, deadline).await?);
         Ok(())
     }
 }

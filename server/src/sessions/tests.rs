@@ -335,7 +335,12 @@ impl World {
             Op::Read { session, back } => {
                 let head = model.sessions.get(&session).map_or(0, |bytes| bytes.len() as i64);
                 let id = self.id(session);
-                let read = self.runtime.block_on(self.sessions.at_revision(&id, head - back, soon()));
+                let read = self.runtime.block_on(self.sessions.at_revision(
+                    &id,
+                    head - back,
+                    Queue::READERS,
+                    soon(),
+                ));
                 let read = read.as_ref().map(|toy| toy.bytes.as_slice()).map_err(Error::reason);
                 prop_assert_eq!(read, model.read(session, back));
             }
@@ -348,7 +353,7 @@ impl World {
 async fn open(folder: &TempDir) -> Arc<Sessions<Toy>> {
     let limits = Limits { live_sessions: 2, past_states: 2, ..Limits::default() };
     let store = Store::open_beside(&folder.path().join("log.db"), &limits).await.unwrap();
-    let pool = Pool::new(2, limits.compute_queue_per_core);
+    let pool = Pool::new(2, &limits);
     Arc::new(Sessions::new(store, pool, fold, Arc::new(limits), CancellationToken::new()))
 }
 

@@ -14,13 +14,13 @@ pub(crate) struct SessionRow {
     pub(crate) session_id: String,
     pub(crate) created_us: i64,
     pub(crate) head: i64,
-    state: i32,
-    summary: Vec<u8>,
+    pub(crate) state: i32,
+    pub(crate) summary: Vec<u8>,
     /// The link of the event at the head, if the row is right.
     pub(crate) link: Option<Vec<u8>>,
-    seal: Option<Vec<u8>>,
-    damage: Option<String>,
-    sound: Option<i64>,
+    pub(crate) seal: Option<Vec<u8>>,
+    pub(crate) damage: Option<String>,
+    pub(crate) sound: Option<i64>,
 }
 
 impl SessionRow {
@@ -151,7 +151,9 @@ pub(crate) struct PageEnd {
 }
 
 /// Events that are read at once when a log is proved.
-const PROVED_AT_ONCE: i64 = 8;
+const PROVED_AT_ONCE: i64 = 64;
+/// Bytes of events that are read at once.
+const READ_BYTES: usize = 16 << 20;
 
 const SESSION_COLUMNS: &str =
     "session_id, created_us, head, state, summary, link, seal, damage, sound from sessions";
@@ -212,8 +214,8 @@ impl Store {
         Ok(query.build_query_as().fetch_all(&self.readers).await?)
     }
 
-    /// Up to `count` events with a seq above `after`, oldest first, each as it was appended. Fewer come before one
-    /// that is not.
+    /// Up to `count` events with a seq above `after`, oldest first, each as it was appended. Fewer come where they are
+    /// large, and before one that is not as it was.
     ///
     /// # Errors
     /// [`StoreError::Damaged`] when already the first is not the event that was appended after `after`.
@@ -223,14 +225,29 @@ impl Store {
         after: i64,
         count: i64,
     ) -> Result<Vec<EventRow>, StoreError> {
+        self.events_within(session_id, after, count, READ_BYTES).await
+    }
+
+    /// The same, and of them only the first few that have up to `bytes` together. The first one comes whatever its
+    /// size.
+    ///
+    /// # Errors
+    /// The same.
+    pub(crate) async fn events_within(
+        &self,
+        session_id: &str,
+        after: i64,
+        count: i64,
+        bytes: usize,
+    ) -> Result<Vec<EventRow>, StoreError> {
         let damaged = |reason: String| {
             let damage = Damage { session_id: session_id.to_owned(), sound: after, reason };
             self.set_aside(damage.clone());
             StoreError::Damaged(damage)
         };
-        let rows = match self.rows(session_id, after, count).await {
+        let rows = match self.rows(session_id, after, count, bytes).await {
             // One of them cannot be read: those before it can.
-            Err(error) if is_unreadable(&error) && count > 1 => self.rows(session_id, after, 1).await,
+            Err(error) if is_unreadable(&error) && count > 1 => self.rows(session_id, after, 1, bytes).await,
             other => other,
         };
         let mut rows = match rows {
@@ -257,10 +274,25 @@ impl Store {
         Ok(rows)
     }
 
-    async fn rows(&self, session_id: &str, after: i64, count: i64) -> Result<Vec<EventRow>, sqlx::Error> {
-        let mut query = QueryBuilder::<Sqlite>::new("select ");
+    async fn rows(
+        &self,
+        session_id: &str,
+        after: i64,
+        count: i64,
+        bytes: usize,
+    ) -> Result<Vec<EventRow>, sqlx::Error> {
+        // The sizes are in the rows' heads, so what is too large is not read to find that out.
+        let mut query = QueryBuilder::<Sqlite>::new(
+            "with sized as (select seq, length(payload) + length(reply) as size from events where session_id = ",
+        );
+        query.push_bind(session_id).push(" and seq > ").push_bind(after);
+        query.push(" order by seq limit ").push_bind(count);
+        query.push("), summed as (select seq, sum(size) over (order by seq) as total from sized) select ");
         query.push(EVENT_COLUMNS).push(" where e.session_id = ").push_bind(session_id);
-        query.push(" and e.seq > ").push_bind(after).push(" order by e.seq limit ").push_bind(count);
+        query.push(" and e.seq > ").push_bind(after);
+        query.push(" and e.seq <= (select coalesce(max(case when total <= ");
+        query.push_bind(i64::try_from(bytes).unwrap_or(i64::MAX));
+        query.push(" then seq end), min(seq)) from summed) order by e.seq");
         query.build_query_as().fetch_all(&self.readers).await
     }
 
