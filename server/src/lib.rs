@@ -16,6 +16,7 @@ mod serve;
 mod session;
 mod sessions;
 mod store;
+mod text;
 mod voxel;
 mod wire;
 
