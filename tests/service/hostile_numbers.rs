@@ -3,6 +3,7 @@
 
 use palpate_proto::v1;
 use palpate_proto::v1::contact_result::Outcome as ContactOutcome;
+use palpate_proto::v1::mesh::Body;
 use reqwest::Method;
 
 use crate::harness::{
@@ -21,9 +22,13 @@ fn codes(warnings: &[v1::Warning]) -> Vec<v1::WarningCode> {
 }
 
 async fn farthest_m(caller: &Caller, session_id: &str) -> f64 {
-    let request = v1::GetMeshRequest { session_id: session_id.into(), ..Default::default() };
-    let mesh = caller.mesh(request).await.unwrap();
-    let (numbers, _) = mesh.vertices_f32_le.as_chunks::<4>();
+    let request = v1::GetMeshRequest {
+        session_id: session_id.into(),
+        format: v1::MeshFormat::Raw.into(),
+        ..Default::default()
+    };
+    let Some(Body::Raw(raw)) = caller.mesh(request).await.unwrap().body else { panic!("raw") };
+    let (numbers, _) = raw.positions_f32_le.as_chunks::<4>();
     numbers.iter().map(|bytes| f64::from(f32::from_le_bytes(*bytes)).abs()).fold(0.0, f64::max)
 }
 

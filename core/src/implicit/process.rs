@@ -132,7 +132,8 @@ mod tests {
 
     #[test]
     fn what_is_no_number_says_nothing_and_comes_to_an_end() {
-        let process = Process::fit(&[known(f64::NAN, 0.0), known(0.1, 1.0)], 0.4);
+        let unknown = Known { deviation: f64::NAN, ..known(0.0, 0.0) };
+        let process = Process::fit(&[unknown, known(0.1, 1.0)], 0.4);
         assert_eq!(process.value(&Point::origin()).abs(), 0.0);
     }
 

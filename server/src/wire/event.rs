@@ -108,7 +108,7 @@ pub(crate) fn fold(before: Option<&Snapshot>, row: &EventRow) -> Result<Snapshot
 }
 
 /// What was accepted once is replayed, whatever today's limits on texts are.
-fn replay_limits() -> Limits {
+pub(super) fn replay_limits() -> Limits {
     Limits {
         name_bytes: usize::MAX,
         text_bytes: usize::MAX,
