@@ -36,6 +36,9 @@ pub(crate) const ECHO_BYTES: usize = 64;
 pub(crate) const FIELD_PATH_BYTES: usize = 256;
 pub(crate) const ERROR_TEXT_BYTES: usize = 1024;
 
+/// Bytes of what this service makes and callers give back: candidate ids, page tokens and etags have some 100 at most.
+pub(crate) const OPAQUE_BYTES: usize = 256;
+
 /// Bytes of the longest session id; a UUID has 36.
 pub(crate) const SESSION_ID_BYTES: usize = 63;
 

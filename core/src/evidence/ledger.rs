@@ -349,8 +349,6 @@ impl Ledger {
             warnings.push(Warning::new(WarningKind::NormalIgnored, unusable));
             None
         });
-        let way = contact.swept_from().and_then(|from| self.long_way("swept_from", from, &contact.point()));
-        warnings.extend(way);
         let is_far = self.beyond_m(&contact.point()) > 0.0;
         if is_far {
             let distance_m = self.distance_m(&contact.point());
@@ -359,6 +357,8 @@ impl Ledger {
                  it in metres, in the session's frame, and of the pad and not of the flange?"
             );
             warnings.push(Warning::new(WarningKind::FarContact, message).with("distance_m", distance_m));
+        } else if let Some(from) = contact.swept_from() {
+            warnings.extend(self.long_way("swept_from", from, &contact.point()));
         }
         let pulls = pulls && !is_far;
         // Nor did it come before the planned start of its approach, which would then lie inside.

@@ -53,7 +53,7 @@ pub(crate) fn check_session_named(field: &str, session_id: &str) -> Result<(), E
 }
 
 /// Refuses texts that are longer than `limit` bytes.
-fn check_text(field: &str, text: &str, limit: usize) -> Result<(), Error> {
+pub(crate) fn check_text(field: &str, text: &str, limit: usize) -> Result<(), Error> {
     if text.len() <= limit {
         return Ok(());
     }

@@ -10,7 +10,7 @@ use palpate_proto::v1;
 use super::geometry::{optional_vector, point, pose, vector};
 use super::{at, check_name, check_text, check_timestamp};
 use crate::error::Error;
-use crate::limits::Limits;
+use crate::limits::{Limits, OPAQUE_BYTES};
 use crate::session::{Definition, Sensor};
 use crate::text::quoted;
 use crate::wire::candidate_id;
@@ -34,7 +34,7 @@ pub(crate) fn reported(
 ) -> Result<Reported, Error> {
     let v1::ContactResult { candidate_id, robot_id, observe_time, outcome } = result;
     check_name("result.robot_id", robot_id, limits)?;
-    check_text("result.candidate_id", candidate_id, limits.name_bytes)?;
+    check_text("result.candidate_id", candidate_id, OPAQUE_BYTES)?;
     check_timestamp("result.observe_time", observe_time.as_ref())?;
     let (target, warnings) = target(candidate_id, definition, head)?;
     let Some(outcome) = outcome else {
