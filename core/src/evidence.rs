@@ -14,6 +14,7 @@ pub mod ledger;
 mod pad;
 mod reading;
 mod rejection;
+mod surroundings;
 mod tangent;
 mod thinning;
 mod visual_prior;

@@ -49,6 +49,8 @@ pub enum WarningKind {
     FarContact,
     /// A load below the sensor's noise.
     WeakContact,
+    /// A way of the probe that no arm reaches.
+    LongSweep,
 }
 
 /// One thing that was noticed.

@@ -32,10 +32,11 @@ use uuid::Uuid;
 
 use crate::compute::Pool;
 use crate::error::Error;
-use crate::limits::Limits;
+use crate::limits::{ERROR_TEXT_BYTES, Limits, SESSION_ID_BYTES};
 use crate::session::Snapshot;
 use crate::sessions::{Aggregate, Computed, Decision, RequestKey, Sessions, StoredEvent};
 use crate::store::Store;
+use crate::text::{Escaped, cut};
 use crate::wire::{event, from_proto, to_proto};
 use capabilities::capabilities;
 use made_mesh::MadeMeshes;
@@ -135,7 +136,9 @@ impl Api {
     ) -> Result<T, Error> {
         let started = Instant::now();
         let deadline = call.deadline.unwrap_or_else(|| started + self.limits.call_timeout);
-        let span = tracing::info_span!("call", method, session_id, actor = call.actor);
+        // What a caller calls a session may be of any length, until it is checked.
+        let shown = cut(session_id, SESSION_ID_BYTES);
+        let span = tracing::info_span!("call", method, session_id = &*shown, actor = call.actor);
         async {
             let answered = tokio::time::timeout_at(deadline, work(deadline)).await;
             let outcome = answered.unwrap_or(Err(Error::DeadlineExceeded));
@@ -168,7 +171,11 @@ fn log(failure: Option<&Error>, started: Instant) {
         None => tracing::info!(outcome = "OK", ms),
         Some(error) => match error.detail() {
             Some(detail) => tracing::error!(outcome = error.reason(), detail, ms),
-            None => tracing::info!(outcome = error.reason(), %error, ms),
+            None => {
+                let (outcome, error) = (error.reason(), error.to_string());
+                let error = cut(&error, ERROR_TEXT_BYTES);
+                tracing::info!(outcome, error = %Escaped(&error), ms);
+            }
         },
     }
 }
@@ -180,7 +187,7 @@ fn three_digits(value: f64) -> f64 {
 
 /// Tells a retry of `request` from another request under the same id.
 fn request_key<M: Message + Name>(id: &str, request: &M, limits: &Limits) -> Result<RequestKey, Error> {
-    from_proto::check_text("request_id", id, limits.name_bytes)?;
+    from_proto::check_name("request_id", id, limits)?;
     let mut hash = Sha256::new();
     hash.update(M::full_name());
     // Maps are ordered in the generated code, so equal messages have equal bytes.

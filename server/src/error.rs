@@ -8,6 +8,9 @@ use std::time::Duration;
 use http::StatusCode;
 use tonic::Code;
 
+use crate::limits::{ERROR_TEXT_BYTES, FIELD_PATH_BYTES};
+use crate::text::cut;
+
 /// A refused call; the state is then as it was before.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub(crate) enum Error {
@@ -158,11 +161,7 @@ pub(crate) struct FieldViolation {
 impl Error {
     /// A single field that is out of its range or of the wrong form.
     pub(crate) fn field(field: impl Into<String>, description: impl Into<String>) -> Self {
-        Self::Fields(vec![FieldViolation {
-            field: field.into(),
-            description: description.into(),
-            non_finite: false,
-        }])
+        Self::Fields(vec![FieldViolation::new(field, description, false)])
     }
 
     /// A feature of the contract that this version lacks, named by its call or field.
@@ -265,6 +264,18 @@ impl Error {
     }
 }
 
+impl FieldViolation {
+    /// What is wrong with a field, cut to what an answer has room for.
+    pub(crate) fn new(field: impl Into<String>, description: impl Into<String>, non_finite: bool) -> Self {
+        let (field, description) = (field.into(), description.into());
+        Self {
+            field: cut(&field, FIELD_PATH_BYTES).into_owned(),
+            description: cut(&description, ERROR_TEXT_BYTES).into_owned(),
+            non_finite,
+        }
+    }
+}
+
 fn describe(fields: &[FieldViolation]) -> String {
     let texts: Vec<String> = fields
         .iter()
@@ -286,6 +297,14 @@ mod tests {
             fields[0].non_finite = true;
         }
         assert_eq!((error.reason(), error.grpc_code()), ("NON_FINITE", Code::InvalidArgument));
+    }
+
+    #[test]
+    fn whatever_a_caller_sent_an_error_stays_short() {
+        let error = Error::field("k".repeat(4 << 20), "d".repeat(4 << 20));
+        let violation = &error.fields()[0];
+        assert!(violation.field.len() < 300 && violation.field.ends_with('…'), "{}", violation.field.len());
+        assert!(violation.description.len() < 1100, "{}", violation.description.len());
     }
 
     #[test]

@@ -49,8 +49,8 @@ pub(crate) fn router(api: &Api) -> Result<(axum::Router, HealthReporter), tonic_
             .add_service(web.layer(health))
             .add_service(reflection().build_v1()?)
             .add_service(reflection().build_v1alpha()?);
-    let sizes = axum::middleware::map_response(move |response| status::explain_size(response, limit));
-    Ok((routes.into_axum_router().reset_fallback().layer(sizes), health_reporter))
+    let reading = axum::middleware::map_response(move |response| status::explain_reading(response, limit));
+    Ok((routes.into_axum_router().reset_fallback().layer(reading), health_reporter))
 }
 
 /// Tells health checks whether the three services serve.

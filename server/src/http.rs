@@ -8,6 +8,7 @@ mod events;
 mod examples;
 mod exploration;
 mod extract;
+mod json;
 mod json_points;
 mod mesh;
 mod negotiation;

@@ -17,6 +17,7 @@ mod serve;
 mod session;
 mod sessions;
 mod store;
+mod text;
 mod voxel;
 mod wire;
 

@@ -28,6 +28,27 @@ pub(crate) const FILE_ELEMENTS: usize = 64;
 /// Properties of an element, or fields of a point.
 pub(crate) const FILE_PROPERTIES: usize = 256;
 
+/// Bytes of a caller's text that an error echoes.
+pub(crate) const ECHO_BYTES: usize = 64;
+
+/// Bytes of the path of a field that an error names, and of what it says about it: both have to fit into the headers
+/// of a gRPC status.
+pub(crate) const FIELD_PATH_BYTES: usize = 256;
+pub(crate) const ERROR_TEXT_BYTES: usize = 1024;
+
+/// Bytes of what this service makes and callers give back: candidate ids, page tokens and etags have some 100 at most.
+pub(crate) const OPAQUE_BYTES: usize = 256;
+
+/// Bytes of the longest session id; a UUID has 36.
+pub(crate) const SESSION_ID_BYTES: usize = 63;
+
+/// Bytes of a JSON body that is parsed at once; a larger one is handed to a thread that may block.
+pub(crate) const INLINE_JSON_BYTES: usize = 64 << 10;
+
+/// Extent of the smallest cloud that is an object, in metres: no sensor resolves less, and no pad touches it. Asked
+/// where a cloud is sent, not where a log is replayed.
+pub(crate) const SMALLEST_CLOUD_M: f64 = 1e-5;
+
 /// The bounds of one server; the defaults suit one machine and a few robots.
 #[derive(Clone, Debug)]
 pub struct Limits {
@@ -35,6 +56,10 @@ pub struct Limits {
     pub message_bytes: usize,
     /// Largest JSON body, in bytes: parsed, it takes many times its size.
     pub json_bytes: usize,
+    /// Objects and their fields in a JSON body: parsed, an empty one takes a hundred times its size.
+    pub json_fields: usize,
+    /// Arrays and their values in a JSON body: numbers of points, above all.
+    pub json_values: usize,
     /// Contact results of one session, failures included.
     pub contacts: u32,
     /// Candidates in one reply.
@@ -65,6 +90,8 @@ pub struct Limits {
     pub proof_bytes_per_s: u64,
     /// Pause between two rounds of that.
     pub proof_pause: Duration,
+    /// Whether names, labels and ids may have control characters and bidirectional marks; logs of earlier versions do.
+    pub unprintable_names: bool,
     /// Sessions in the database.
     pub sessions: u64,
     /// Sessions whose state is held in memory; the least recently used are dropped first.
@@ -120,6 +147,8 @@ impl Default for Limits {
         Self {
             message_bytes: 16 << 20,
             json_bytes: 4 << 20,
+            json_fields: 20_000,
+            json_values: 800_000,
             contacts: 1000,
             top_k: 64,
             keep_out: 64,
@@ -135,6 +164,7 @@ impl Default for Limits {
             database_bytes: 64 << 30,
             proof_bytes_per_s: 64 << 20,
             proof_pause: Duration::from_secs(6 * 3600),
+            unprintable_names: false,
             sessions: 100_000,
             live_sessions: 256,
             past_states: 32,

@@ -23,6 +23,8 @@ mod explore;
 mod field;
 mod formats;
 mod harness;
+mod hostile_numbers;
+mod hostile_texts;
 mod http_only;
 mod leases;
 mod lifecycle;

@@ -1,7 +1,11 @@
 //! Where the object is not: the segments that the probe has swept without touching anything.
+//!
+//! Only what lies in the object's [`Surroundings`] says anything about it, so of a way of any length no
+//! more is kept than of one that leads across them.
 
 use super::attempt::{Contact, Sweep, Target};
 use super::attractor::Attractor;
+use super::surroundings::Surroundings;
 use crate::geometry::{Direction, Plane, Point, Vector, around};
 
 /// Distance between samples of a segment, in metres.
@@ -17,15 +21,35 @@ const UNDER_REACH_M: f64 = 0.04;
 const UNDER_STEPS: i32 = 3;
 /// Lines along the rim of the path of a wide probe.
 const RIM_POINTS: usize = 6;
+/// No line has more samples than about this: 5 m at the spacing above, and beyond that fewer a metre.
+const LINE_SAMPLES: usize = 512;
+/// Nor has a session more points outside than this: many touches and misses more than it may take.
+const MOST_SAMPLES: usize = 1 << 16;
 
 /// Points known to lie outside the object, and points known to lie inside.
 #[derive(Clone, Debug, Default)]
 pub struct FreeSpace {
     outside: Vec<Point>,
     inside: Vec<Point>,
+    /// What lies beyond is left out; everything is taken where they are not known.
+    surroundings: Option<Surroundings>,
 }
 
 impl FreeSpace {
+    /// Free space that keeps to the surroundings of the object.
+    pub(crate) fn within(surroundings: Option<Surroundings>) -> Self {
+        Self { surroundings, ..Self::default() }
+    }
+
+    /// The same with no more points outside than a fit can afford, evenly left out.
+    pub(crate) fn thinned(mut self) -> Self {
+        let stride = self.outside.len().div_ceil(MOST_SAMPLES);
+        if stride > 1 {
+            self.outside = self.outside.into_iter().step_by(stride).collect();
+        }
+        self
+    }
+
     /// Points outside, in metres.
     pub fn outside(&self) -> &[Point] {
         &self.outside
@@ -105,7 +129,15 @@ impl FreeSpace {
     fn add_segment(&mut self, from: &Point, to: &Point) {
         let along = to - from;
         let steps = (along.norm() / SPACING_M).ceil().max(1.0) as usize;
-        self.outside.extend((0..=steps).map(|step| from + along * (step as f64 / steps as f64)));
+        // The samples are those of the whole way, wherever it is cut.
+        let within = match &self.surroundings {
+            Some(surroundings) => surroundings.steps_within(from, &along, steps),
+            None => Some(0..=steps),
+        };
+        let Some(within) = within else { return };
+        let is_bounded = self.surroundings.is_some();
+        let stride = if is_bounded { (within.end() - within.start()) / LINE_SAMPLES + 1 } else { 1 };
+        self.outside.extend(within.step_by(stride).map(|step| from + along * (step as f64 / steps as f64)));
     }
 }
 
@@ -144,6 +176,61 @@ mod tests {
         let off_axis = |point: &Point| point.x.hypot(point.y);
         assert!(space.outside()[..4].iter().all(|point| off_axis(point) == 0.0));
         assert!(space.outside()[4..].iter().all(|point| (off_axis(point) - 0.009).abs() < 1e-12));
+    }
+
+    /// What a session about a ball of 0.1 m at the origin looks at: 0.8 m and more around it.
+    fn surroundings() -> Surroundings {
+        Surroundings::around([Point::new(-0.05, -0.05, -0.05), Point::new(0.05, 0.05, 0.05)]).unwrap()
+    }
+
+    fn missed(from: Point, to: Point, radius_m: f64, surroundings: Option<Surroundings>) -> FreeSpace {
+        let mut space = FreeSpace::within(surroundings);
+        space.add_miss(&Sweep::new(from, to, radius_m).unwrap());
+        space
+    }
+
+    #[test]
+    fn a_way_within_the_surroundings_is_the_same_to_the_bit() {
+        for radius_m in [0.0, 0.009] {
+            let ends = (Point::new(-0.31, 0.02, 0.013), Point::new(0.37, -0.01, 0.02));
+            let near = missed(ends.0, ends.1, radius_m, Some(surroundings()));
+            assert_eq!(near.outside(), missed(ends.0, ends.1, radius_m, None).outside());
+        }
+    }
+
+    #[test]
+    fn a_way_of_kilometres_says_the_same_near_the_object_and_nothing_beyond() {
+        for length_m in [3.0, 300.0, 10_000.0] {
+            let ends = (Point::new(-length_m, 0.03, -0.04), Point::new(0.7 * length_m, 0.03, 0.01));
+            let all = missed(ends.0, ends.1, 0.009, None);
+            let near = missed(ends.0, ends.1, 0.009, Some(surroundings()));
+            let is_near = |point: &&Point| point.coords.norm() < 0.5;
+            let of = |space: &FreeSpace| space.outside().iter().filter(is_near).copied().collect::<Vec<_>>();
+            assert!(of(&near) == of(&all), "{length_m}");
+            assert!(of(&near).len() > 7 * 95, "a metre of seven lines: {}", of(&near).len());
+            assert!(near.outside().iter().all(|point| point.coords.norm() < 1.0), "{length_m}");
+            assert!(near.outside().len() < 7 * 200, "{}", near.outside().len());
+        }
+    }
+
+    #[test]
+    fn a_way_that_passes_far_away_says_nothing() {
+        let ends = (Point::new(-50.0, 4.0, 0.0), Point::new(50.0, 4.0, 0.0));
+        assert!(missed(ends.0, ends.1, 0.009, Some(surroundings())).outside().is_empty());
+        let place = Point::new(9e3, -9e3, 9e3);
+        assert!(missed(place, place, 0.0, Some(surroundings())).outside().is_empty());
+    }
+
+    #[test]
+    fn however_large_the_surroundings_are_samples_are_bounded() {
+        let huge = Surroundings::around([Point::new(-9e3, 0.0, 0.0), Point::new(9e3, 0.0, 0.0)]);
+        let ends = (Point::new(-1e4, 0.0, 0.0), Point::new(1e4, 0.0, 0.0));
+        let mut space = missed(ends.0, ends.1, 0.009, huge);
+        assert!(space.outside().len() <= 7 * (LINE_SAMPLES + 2), "{}", space.outside().len());
+        for _ in 0..40 {
+            space.add_miss(&Sweep::new(ends.0, ends.1, 0.009).unwrap());
+        }
+        assert!((MOST_SAMPLES / 2..=MOST_SAMPLES).contains(&space.thinned().outside().len()));
     }
 
     #[test]

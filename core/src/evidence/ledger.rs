@@ -3,6 +3,7 @@
 use super::attempt::{Attempt, Contact, Moved, Outcome, Sweep, Target};
 use super::attractor::contact_uncertainty;
 use super::rejection::Rejection;
+use super::surroundings::{FAR_M, FAR_SIZES};
 use super::visual_prior::VisualPrior;
 use super::wrench::Wrench;
 use super::{Evidence, wrench_check};
@@ -107,10 +108,9 @@ pub struct Motion {
     pub is_found: bool,
 }
 
-/// A contact that is farther from all that is known than this many times its size, and this much more in
-/// metres, is on no part of the object.
-const FAR_SIZES: f64 = 3.0;
-const FAR_M: f64 = 0.2;
+/// A straight way is suspicious where it is longer than this, in metres, and the size of what is known: no arm
+/// reaches that far.
+const LONG_M: f64 = 5.0;
 
 /// All evidence of a session, sorted. Points are in the frame that the method works in.
 #[derive(Clone, Debug, Default)]
@@ -276,7 +276,8 @@ impl Ledger {
                 self.tallies.no_contacts += 1;
                 self.misses.push((self.entries, *sweep));
                 let failure = self.enter_failure(attempt, Some(sweep.middle()));
-                Entry { changes_estimate: config.method.learns_from_failures(), ..failure }
+                let warnings = self.long_way("no_contact", sweep.from(), sweep.to()).into_iter().collect();
+                Entry { changes_estimate: config.method.learns_from_failures(), warnings, ..failure }
             }
             Outcome::Rejected(reason) => {
                 self.tallies.rejected += 1;
@@ -356,6 +357,8 @@ impl Ledger {
                  it in metres, in the session's frame, and of the pad and not of the flange?"
             );
             warnings.push(Warning::new(WarningKind::FarContact, message).with("distance_m", distance_m));
+        } else if let Some(from) = contact.swept_from() {
+            warnings.extend(self.long_way("swept_from", from, &contact.point()));
         }
         let pulls = pulls && !is_far;
         // Nor did it come before the planned start of its approach, which would then lie inside.
@@ -376,9 +379,26 @@ impl Ledger {
     /// How much farther off a place is than any part of the object may be, in metres: a few times the size of
     /// what is known.
     fn beyond_m(&self, place: &Point) -> f64 {
-        let first = self.known_points().next().unwrap_or(*place);
-        let size_m = self.known_points().map(|point| (point - first).norm()).fold(0.0, f64::max);
-        self.distance_m(place) - (FAR_SIZES * size_m + FAR_M)
+        self.distance_m(place) - (FAR_SIZES * self.size_m() + FAR_M)
+    }
+
+    /// The farthest that a known point lies from the first one, in metres.
+    fn size_m(&self) -> f64 {
+        let Some(first) = self.known_points().next() else { return 0.0 };
+        self.known_points().map(|point| (point - first).norm()).fold(0.0, f64::max)
+    }
+
+    /// A warning of a way that is longer than an arm can reach, whose field is named.
+    fn long_way(&self, field: &str, from: &Point, to: &Point) -> Option<Warning> {
+        let length_m = (to - from).norm();
+        let is_long = length_m > LONG_M && length_m > LONG_M + self.size_m();
+        is_long.then(|| {
+            let message = format!(
+                "{field}: the way of the probe is {length_m:.1} m long, and only what is near the object counts: is it \
+                 in metres, and in the session's frame?"
+            );
+            Warning::new(WarningKind::LongSweep, message).with("length_m", length_m)
+        })
     }
 
     fn known_points(&self) -> impl Iterator<Item = Point> {

@@ -10,6 +10,7 @@ use super::attractor::{Attractor, Group, Provenance, Rigid, Sense};
 use super::free_space::FreeSpace;
 use super::ledger::{Ledger, Motion, Touch};
 use super::pad::TouchedPoint;
+use super::surroundings::Surroundings;
 use super::tangent;
 use crate::config::Config;
 use crate::fingerprint::Fingerprint;
@@ -322,9 +323,20 @@ impl Reading {
         Some(self.now_from_then(at) * viewpoint)
     }
 
+    /// What is near enough to say something of the object, as it lies now: around all that was seen and touched.
+    pub(crate) fn surroundings(&self, ledger: &Ledger) -> Option<Surroundings> {
+        let seen = ledger.views.iter().flat_map(|view| {
+            let now = self.now_from_then(view.at);
+            view.prior.points().iter().map(move |point| now * point)
+        });
+        let pulling = ledger.touches.iter().filter(|touch| touch.pulls);
+        let touched = pulling.map(|touch| self.now_from_then(touch.at) * touch.contact.point());
+        Surroundings::around(seen.chain(touched))
+    }
+
     /// Where the object is not, and where it is. `travel_m` is how far outside its candidate a probe starts.
     pub(crate) fn free_space(&self, ledger: &Ledger, travel_m: f64) -> FreeSpace {
-        let mut space = FreeSpace::default();
+        let mut space = FreeSpace::within(self.surroundings(ledger));
         for (at, sweep) in &ledger.misses {
             let (now, correction) = (self.now_from_then(*at), self.rigid(*at, None).1);
             space.add_miss(&sweep.mapped(|point| now * point + correction));
@@ -346,6 +358,6 @@ impl Reading {
                 space.add_face(&touched, &contact);
             }
         }
-        space
+        space.thinned()
     }
 }

@@ -11,6 +11,8 @@ use crate::geometry::{Point, Vector};
 
 /// Added to the variance of every measurement, tenfold until the system can be factorised.
 const JITTER: f64 = 1e-9;
+/// So many times at most: correlations are at most 1, so that by then the diagonal prevails.
+const JITTERS: usize = 15;
 
 /// A value of the field that is known.
 #[derive(Clone, Copy, Debug)]
@@ -40,23 +42,25 @@ impl Process {
             kernel((known[row].point - known[column].point).norm() / support_m) + variance
         };
         let count = known.len();
-        let mut jitter = JITTER;
-        let factor = loop {
-            let system = Mat::from_fn(count, count, |row, column| {
+        let system = |jitter: f64| {
+            Mat::from_fn(count, count, |row, column| {
                 covariance(row, column) + if row == column { jitter } else { 0.0 }
-            });
-            match system.llt(Side::Lower) {
-                Ok(factor) => break factor,
-                Err(_) => jitter *= 10.0,
-            }
+            })
+        };
+        let jitters = std::iter::successors(Some(JITTER), |jitter| Some(jitter * 10.0)).take(JITTERS);
+        let points = known.iter().map(|known| known.point).collect();
+        let Some(factor) = jitters.map(|jitter| system(jitter).llt(Side::Lower)).find_map(Result::ok) else {
+            // Numbers that cannot be computed with say nothing.
+            return Self {
+                support_m,
+                points,
+                weights: vec![0.0; count],
+                factor: Mat::identity(count, count),
+            };
         };
         let solution = factor.solve(Col::from_fn(count, |row| known[row].value));
-        Self {
-            support_m,
-            points: known.iter().map(|known| known.point).collect(),
-            weights: (0..count).map(|row| solution[row]).collect(),
-            factor: factor.L().to_owned(),
-        }
+        let weights = (0..count).map(|row| solution[row]).collect();
+        Self { support_m, points, weights, factor: factor.L().to_owned() }
     }
 
     /// The expected value of the field.
@@ -124,6 +128,13 @@ mod tests {
             let slope = (process.value(&(at + step)) - process.value(&(at - step))) / 2e-6;
             assert!((gradient[axis] - slope).abs() < 1e-5 * gradient.norm(), "{axis}");
         }
+    }
+
+    #[test]
+    fn what_is_no_number_says_nothing_and_comes_to_an_end() {
+        let unknown = Known { deviation: f64::NAN, ..known(0.0, 0.0) };
+        let process = Process::fit(&[unknown, known(0.1, 1.0)], 0.4);
+        assert_eq!(process.value(&Point::origin()).abs(), 0.0);
     }
 
     #[test]

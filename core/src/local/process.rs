@@ -6,7 +6,7 @@
 
 use std::sync::Arc;
 
-use faer::linalg::solvers::Solve;
+use faer::linalg::solvers::{Llt, Solve};
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Col, Mat, Par, Scale, Side};
 
@@ -23,6 +23,9 @@ const SYMMETRIC_SHARE: f64 = 0.9;
 /// This share of the prior's variance is added to that of every measurement: the system stays
 /// regular, whatever its kernels are rounded to.
 const JITTER: f64 = 1e-5;
+/// Where that does not do, this share of the largest variance is added, then ten times as much, so many times.
+const FIRST_ADDED: f64 = 1e-9;
+const ADDITIONS: usize = 14;
 
 /// A measured displacement of the template.
 #[derive(Clone, Copy, Debug)]
@@ -184,16 +187,22 @@ impl Displacement {
             }
             system[(column, column)] += observations[column].noise_m.powi(2) + prior.jitter();
         }
-        let factor = system.llt(Side::Lower).expect("a kernel matrix with noise is positive definite");
         let measured = Col::from_fn(count, |row| observations[row].height_m);
+        let Some(factor) = factorised(system) else { return Self::unconditioned(prior, gram, count) };
         let solution = factor.solve(&measured);
-        Self {
-            prior,
-            gram,
-            weights: solution.iter().copied().collect(),
-            factor: factor.L().to_owned(),
-            squared_size: measured.iter().zip(solution.iter()).map(|(d, w)| d * w).sum(),
+        let squared_size: f64 = measured.iter().zip(solution.iter()).map(|(d, w)| d * w).sum();
+        if !squared_size.is_finite() {
+            return Self::unconditioned(prior, gram, count);
         }
+        let weights = solution.iter().copied().collect();
+        Self { prior, gram, weights, factor: factor.L().to_owned(), squared_size }
+    }
+
+    /// The process that its measurements say nothing about, as they are no numbers that can be computed with: the
+    /// template stays what it is, and nothing is less likely.
+    fn unconditioned(prior: Prior, gram: Arc<Gram>, count: usize) -> Self {
+        let factor = Mat::identity(count, count);
+        Self { prior, gram, weights: vec![0.0; count], factor, squared_size: f64::INFINITY }
     }
 
     /// What it was conditioned with.
@@ -342,6 +351,24 @@ impl Displacement {
     }
 }
 
+/// The Cholesky factor of a kernel matrix with noise. It is positive definite but for rounding, against which more
+/// and more is added to its diagonal; nothing where its entries are no numbers.
+fn factorised(mut system: Mat<f64>) -> Option<Llt<f64>> {
+    if let Ok(factor) = system.llt(Side::Lower) {
+        return Some(factor);
+    }
+    let largest = system.diagonal().column_vector().iter().fold(0.0, |most, entry| f64::max(most, *entry));
+    let mut added = FIRST_ADDED * largest.max(f64::MIN_POSITIVE);
+    for _ in 0..ADDITIONS {
+        (0..system.nrows()).for_each(|at| system[(at, at)] += added);
+        if let Ok(factor) = system.llt(Side::Lower) {
+            return Some(factor);
+        }
+        added *= 10.0;
+    }
+    None
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -378,6 +405,29 @@ mod tests {
         assert!((mean[0] - 0.004).abs() < 1e-6 && deviation[0] < 2e-5);
         let (mean, deviation) = at(-Vector::x_axis());
         assert!(mean[0].abs() < 1e-4 && (deviation[0] - 0.005).abs() < 1e-5);
+    }
+
+    #[test]
+    fn numbers_that_cannot_be_computed_with_leave_the_template_as_it_is() {
+        let elsewhere = Vector::y_axis();
+        for (height_m, length_m) in [(f64::NAN, 0.03), (0.004, f64::NAN), (1e200, 0.03), (0.004, 0.0)] {
+            let prior = Prior { length_m, ..prior(Symmetry::None) };
+            let seen = [observation(&Vector::x_axis(), height_m), observation(&elsewhere, height_m)];
+            let process = Displacement::fit(prior, &seen);
+            assert!(process.evidence() < 0.0, "{height_m} {length_m}");
+            if length_m > 0.0 {
+                let (mean, deviation) = process.predict(&[place(&Vector::z_axis())]);
+                assert_eq!((mean[0], deviation[0].is_finite()), (0.0, true), "{height_m} {length_m}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_matrix_that_rounding_has_spoilt_is_mended_by_its_diagonal() {
+        // Its eigenvalues are 2 and -1e-7.
+        let spoilt = Mat::from_fn(2, 2, |row, column| if row == column { 1.0 } else { 1.0 + 1e-7 });
+        assert!(spoilt.llt(Side::Lower).is_err() && factorised(spoilt).is_some());
+        assert!(factorised(Mat::from_fn(2, 2, |_, _| f64::NAN)).is_none());
     }
 
     #[test]

@@ -173,9 +173,9 @@ impl Since {
         let believing = Reading { doubts: Vec::new(), seen_doubts: BTreeMap::new(), ..reading.clone() };
         let attractors = believing.attractors(&after, 0.0);
         let touches = attractors.iter().filter(|a| a.sense == Sense::Touch).map(|a| a.point).collect();
-        let mut space = FreeSpace::default();
+        let mut space = FreeSpace::within(reading.surroundings(ledger));
         after.misses.iter().for_each(|(_, sweep)| space.add_miss(sweep));
-        Self { touches, free: space.outside().to_vec(), precision: precision(ledger) }
+        Self { touches, free: space.thinned().outside().to_vec(), precision: precision(ledger) }
     }
 
     /// Each measurement's residual in deviations with its slope, where the object has moved by `shift`.

@@ -6,6 +6,9 @@ use crate::evidence::attractor::{Attractor, Sense};
 use crate::fingerprint::Fingerprint;
 use crate::geometry::{Point, Vector};
 
+/// A patch is at least this long, in metres: points may coincide once their coordinates are rounded.
+const LEAST_M: f64 = 1e-9;
+
 /// Bounds of the logarithm of a semi-axis over the patch's length.
 pub(crate) const LOG_SIZE: (f64, f64) = (-3.0, 3.5);
 
@@ -36,7 +39,7 @@ impl PatchFrame {
         let to_camera = viewpoint.and_then(|viewpoint| (viewpoint - origin).try_normalize(1e-9));
         Self {
             origin,
-            length_m: mean_square.sqrt(),
+            length_m: mean_square.sqrt().max(LEAST_M),
             visual_points,
             centre: to_camera.map_or_else(Vector::zeros, |direction| -direction),
         }

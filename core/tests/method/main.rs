@@ -5,6 +5,7 @@
 mod arms;
 mod faults;
 mod guarantees;
+mod hostile;
 mod object;
 mod robot;
 

@@ -165,6 +165,7 @@ fn absorb_prior(
 ) -> Result<Decision<Snapshot>, Error> {
     let from_proto::Prior { evidence, finite, non_finite, repeated, flying, voxel_m, mut warnings } =
         from_proto::visual_prior(path, prior)?;
+    from_proto::check_least_size(path, evidence.points())?;
     let added = before.add_view(&evidence, prior.keep_clutter, before.next_event_us());
     let (after, AddedView { update, accepted, edge_m, clutter }) =
         added.map_err(|error| refused(path, error))?;

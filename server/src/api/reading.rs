@@ -29,7 +29,7 @@ impl Api {
             } else {
                 page_token.parse().ok().filter(|&seq: &i64| seq >= 0).ok_or_else(bad_page_token)?
             };
-            let session = self.sessions.store.session(session_id).await?;
+            let session = self.sessions.store.session(&session_id).await?;
             let session = session.ok_or(Error::SessionNotFound { session_id })?;
             self.events_after(session, after, count, include_points).await
         })

@@ -10,6 +10,7 @@ use tokio::time::Instant;
 
 use super::{Api, Call, bad_page_token, computed, page_size, request_key, stored};
 use crate::error::Error;
+use crate::limits::OPAQUE_BYTES;
 use crate::session::{Snapshot, etag};
 use crate::sessions::{Created, Creation};
 use crate::store::{Filter, PageEnd, SessionRow, StateFilter};
@@ -112,6 +113,8 @@ impl Api {
             let v1::ListSessionsRequest { page_size: wanted, page_token, experiment, labels, state } =
                 request;
             from_proto::check_labels(&labels, &self.limits)?;
+            from_proto::check_name("experiment", &experiment, &self.limits)?;
+            from_proto::check_text("page_token", &page_token, OPAQUE_BYTES)?;
             let count = page_size(wanted, &self.limits)? as usize;
             let after = (!page_token.is_empty()).then(|| decode_token(&page_token)).transpose()?;
             let filter = Filter {
@@ -146,6 +149,7 @@ impl Api {
     ) -> Result<v1::DeleteSessionResponse, Error> {
         let session_id = request.session_id.clone();
         self.run_on_session("DeleteSession", &session_id, &call, async |deadline| {
+            from_proto::check_text("etag", &request.etag, OPAQUE_BYTES)?;
             let key = request_key(&request.request_id, &request, &self.limits)?;
             let v1::DeleteSessionRequest { session_id, etag, request_id: _ } = request;
             self.sessions.delete(session_id, etag, key, deadline).await?;

@@ -52,9 +52,11 @@ pub(super) async fn add_prior(
                 let reason = "a JSON body says everything itself: move the query parameters into it";
                 return Err(Error::field("query", reason).into());
             }
-            let mut body = json_body(request, api.limits()).await?;
-            json_points::pack(&mut body)?;
-            from_json(&body)?
+            let read = |mut body| {
+                json_points::pack(&mut body)?;
+                from_json(&body)
+            };
+            json_body(request, api.limits(), read).await?
         }
         media_type => match view_file::encoding(media_type, &params) {
             Some(encoding) => view_file::request(encoding, file_body(request, api.limits()).await?, params)?,

@@ -8,9 +8,11 @@ use http::{HeaderMap, HeaderName, HeaderValue, StatusCode};
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
+use super::json;
 use super::problem::Problem;
 use crate::error::Error;
 use crate::limits::Limits;
+use crate::text::quoted;
 
 /// Query parameters; one that is unknown or cannot be read is refused.
 pub(super) struct Params<T>(pub(super) T);
@@ -55,12 +57,16 @@ pub(super) fn unsupported(found: &str, taken: &str) -> Problem {
     Problem::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "UNSUPPORTED_MEDIA_TYPE", detail)
 }
 
-/// The whole body as JSON. Its bound is lower than that of other bodies: parsed, it takes many times its size.
-pub(super) async fn json_body(request: Request, limits: &Limits) -> Result<Value, Problem> {
+/// What `read` makes of the whole body as JSON. Its bound is lower than that of other bodies: parsed, it takes many
+/// times its size.
+pub(super) async fn json_body<T: Send + 'static>(
+    request: Request,
+    limits: &Limits,
+    read: impl FnOnce(Value) -> Result<T, Error> + Send + 'static,
+) -> Result<T, Problem> {
     let hint = "send large clouds as PLY or as packed floats (application/octet-stream)";
     let bytes = body(request, limits.json_bytes, "the JSON body", hint).await?;
-    serde_json::from_slice(&bytes)
-        .map_err(|error| Problem::unparsable(format!("the body is not JSON: {error}")))
+    json::parsed(bytes, limits, read).await
 }
 
 /// The whole body as a file.
@@ -117,7 +123,7 @@ fn fill(name: &str, field: &mut String, value: String, source: &str) -> Result<(
     } else if *field != value {
         return Err(Error::field(
             name,
-            format!("{field:?} is not {value:?}, which {source} says: give it once"),
+            format!("{} is not {}, which {source} says: give it once", quoted(field), quoted(&value)),
         ));
     }
     Ok(())

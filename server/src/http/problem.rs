@@ -8,6 +8,8 @@ use http::{HeaderName, HeaderValue, StatusCode};
 use serde::Serialize;
 
 use crate::error::{Error, FieldViolation};
+use crate::limits::{ERROR_TEXT_BYTES, FIELD_PATH_BYTES};
+use crate::text::cut;
 
 /// An answer that is not a success.
 #[derive(Clone, Debug)]
@@ -59,7 +61,7 @@ impl Problem {
             r#type: "about:blank",
             title: status.canonical_reason().unwrap_or("Error"),
             status: status.as_u16(),
-            detail: detail.into(),
+            detail: cut(&detail.into(), FIELD_PATH_BYTES + ERROR_TEXT_BYTES).into_owned(),
             reason,
             fields: Vec::new(),
             retry_after_ms: None,

@@ -17,6 +17,8 @@ use super::extract::{json_body, require_json};
 use super::problem::Problem;
 use crate::api::Api;
 use crate::error::Error;
+use crate::limits::{ECHO_BYTES, ERROR_TEXT_BYTES};
+use crate::text::cut;
 
 /// The contract's descriptors, with all comments.
 pub(super) static CONTRACT: LazyLock<Result<DescriptorPool, String>> = LazyLock::new(|| {
@@ -26,13 +28,12 @@ pub(super) static CONTRACT: LazyLock<Result<DescriptorPool, String>> = LazyLock:
 /// A message as the JSON body of a request or a response.
 pub(super) struct ProtoJson<T>(pub(super) T);
 
-impl<T: Message + Name + Default> FromRequest<Api> for ProtoJson<T> {
+impl<T: Message + Name + Default + 'static> FromRequest<Api> for ProtoJson<T> {
     type Rejection = Problem;
 
     async fn from_request(request: Request, api: &Api) -> Result<Self, Problem> {
         require_json(request.headers())?;
-        let body = json_body(request, api.limits()).await?;
-        Ok(Self(from_json(&body)?))
+        Ok(Self(json_body(request, api.limits(), |body| from_json(&body)).await?))
     }
 }
 
@@ -84,8 +85,10 @@ fn descriptor<T: Name>() -> Result<MessageDescriptor, Error> {
 
 /// What only a bug of this server can bring about.
 fn broken(error: impl Display) -> Error {
-    tracing::error!(%error, "JSON and contract do not fit together");
-    Error::internal(error.to_string())
+    let detail = error.to_string();
+    let detail = cut(&detail, ERROR_TEXT_BYTES);
+    tracing::error!(error = &*detail, "JSON and contract do not fit together");
+    Error::internal(detail)
 }
 
 /// The first field of `json` that the message does not have, with those that it has.
@@ -95,7 +98,9 @@ fn unknown_field(json: &Value, message: &MessageDescriptor, path: &str) -> Optio
         return None;
     }
     json.as_object()?.iter().find_map(|(name, value)| {
-        let path = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
+        // A name may be as long as the body.
+        let shown = cut(name, ECHO_BYTES);
+        let path = if path.is_empty() { shown.into_owned() } else { format!("{path}.{shown}") };
         let field = message.get_field_by_name(name).or_else(|| message.get_field_by_json_name(name));
         let Some(field) = field else {
             let known: Vec<String> = message.fields().map(|field| field.name().to_owned()).collect();
@@ -177,6 +182,20 @@ mod tests {
         assert!(description.ends_with("known are: position, orientation"), "{description}");
         let json = json!({ "config": { "sensors": [{ "id": "a" }, { "pad": 1 }] } });
         assert_eq!(refused::<v1::CreateSessionRequest>(&json).0, "config.sensors[1].pad");
+    }
+
+    #[test]
+    fn a_name_of_megabytes_is_not_sent_back() {
+        let long = "k".repeat(4 << 20);
+        for json in [json!({ &long: 1 }), json!({ "result": { &long: { "a": 1 } } })] {
+            let (field, description) = refused::<v1::ReportContactRequest>(&json);
+            assert!(field.ends_with("k…") && field.len() < 100, "{}", field.len());
+            assert!(description.contains("known are: "), "{description}");
+        }
+        for json in [json!({ "labels": { &long: 1 } }), json!({ "config": { "method": &long } })] {
+            let (field, description) = refused::<v1::CreateSessionRequest>(&json);
+            assert!(field.len() < 300 && description.len() < 1100, "{} {}", field.len(), description.len());
+        }
     }
 
     #[test]

@@ -15,6 +15,7 @@ use super::proto_json::ProtoJson;
 use super::tagged;
 use crate::api::{Api, Call};
 use crate::error::Error;
+use crate::text::quoted;
 
 /// Create a session
 ///
@@ -133,10 +134,9 @@ pub(super) async fn delete(
 
 fn parse_labels(text: &str) -> Result<BTreeMap<String, String>, Error> {
     let pair = |pair: &str| pair.split_once(':').map(|(key, value)| (key.to_owned(), value.to_owned()));
-    text.split(',')
-        .map(pair)
-        .collect::<Option<_>>()
-        .ok_or_else(|| Error::field("labels", format!("{text:?} is not of the form key:value,key:value")))
+    text.split(',').map(pair).collect::<Option<_>>().ok_or_else(|| {
+        Error::field("labels", format!("{} is not of the form key:value,key:value", quoted(text)))
+    })
 }
 
 fn parse_state(text: &str) -> Result<v1::SessionState, Error> {
@@ -144,9 +144,8 @@ fn parse_state(text: &str) -> Result<v1::SessionState, Error> {
     let upper = text.to_ascii_uppercase();
     let name = format!("{PREFIX}{}", upper.strip_prefix(PREFIX).unwrap_or(&upper));
     v1::SessionState::from_str_name(&name).ok_or_else(|| {
-        let reason =
-            format!("{text:?} is no state: there are awaiting_prior, active, finished and quarantined");
-        Error::field("state", reason)
+        let known = "awaiting_prior, active, finished and quarantined";
+        Error::field("state", format!("{} is no state: there are {known}", quoted(text)))
     })
 }
 

@@ -112,8 +112,14 @@ pub(crate) fn fold(before: Option<&Snapshot>, row: &EventRow) -> Result<Snapshot
 }
 
 /// What was accepted once is replayed, whatever today's limits on texts are.
-fn replay_limits() -> Limits {
-    Limits { name_bytes: usize::MAX, text_bytes: usize::MAX, labels: usize::MAX, ..Limits::default() }
+pub(super) fn replay_limits() -> Limits {
+    Limits {
+        name_bytes: usize::MAX,
+        text_bytes: usize::MAX,
+        unprintable_names: true,
+        labels: usize::MAX,
+        ..Limits::default()
+    }
 }
 
 /// What a stored event says.

@@ -106,6 +106,7 @@ fn warning_code(kind: WarningKind) -> v1::WarningCode {
         WarningKind::NoTable => v1::WarningCode::NoTable,
         WarningKind::FarContact => v1::WarningCode::FarContact,
         WarningKind::WeakContact => v1::WarningCode::WeakContact,
+        WarningKind::LongSweep => v1::WarningCode::LongSweep,
     }
 }
 

@@ -8,10 +8,11 @@ use palpate_proto::v1;
 
 use super::geometry::pose;
 use super::robot::half_space;
-use super::{at, check_text, non_finite};
+use super::{at, check_name, non_finite};
 use crate::error::Error;
 use crate::limits::Limits;
 use crate::session::{DEFAULT_PAD_HALF_SIDE_M, Sensor};
+use crate::text::quoted;
 
 /// # Errors
 /// A value out of its range, or a field that this version has no use for.
@@ -149,15 +150,17 @@ fn sensors(declared: &[v1::Sensor], limits: &Limits) -> Result<Vec<Sensor>, Erro
         return Err(Error::field("config.sensors", description));
     }
     for (index, sensor) in declared.iter().enumerate() {
+        check_name(&format!("config.sensors[{index}].id"), &sensor.id, limits)?;
         if declared[..index].iter().any(|earlier| earlier.id == sensor.id && !sensor.id.is_empty()) {
-            let description = format!("{:?} is declared twice: contacts name their pad by it", sensor.id);
+            let description =
+                format!("{} is declared twice: contacts name their pad by it", quoted(&sensor.id));
             return Err(Error::field(format!("config.sensors[{index}].id"), description));
         }
     }
-    declared.iter().enumerate().map(|(index, declared)| sensor(index, declared, limits)).collect()
+    declared.iter().enumerate().map(|(index, declared)| sensor(index, declared)).collect()
 }
 
-fn sensor(index: usize, declared: &v1::Sensor, limits: &Limits) -> Result<Sensor, Error> {
+fn sensor(index: usize, declared: &v1::Sensor) -> Result<Sensor, Error> {
     let v1::Sensor {
         id,
         tool_from_sensor,
@@ -171,7 +174,6 @@ fn sensor(index: usize, declared: &v1::Sensor, limits: &Limits) -> Result<Sensor
     if id.is_empty() {
         return Err(Error::field(field("id"), "is missing: contacts name their pad by it"));
     }
-    check_text(&field("id"), id, limits.name_bytes)?;
     let positive = |name: &str, value: f64, most: f64, unit: &str| {
         if !value.is_finite() {
             return Err(non_finite(field(name), format!("{value} is not finite")));

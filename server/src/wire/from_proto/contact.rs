@@ -8,10 +8,11 @@ use palpate_core::warning::{Warning, WarningKind};
 use palpate_proto::v1;
 
 use super::geometry::{optional_vector, point, pose, vector};
-use super::{at, check_text, check_timestamp};
+use super::{at, check_name, check_text, check_timestamp};
 use crate::error::Error;
-use crate::limits::Limits;
+use crate::limits::{Limits, OPAQUE_BYTES};
 use crate::session::{Definition, Sensor};
+use crate::text::quoted;
 use crate::wire::candidate_id;
 
 /// What a robot reported, and what is odd about the report itself.
@@ -32,7 +33,8 @@ pub(crate) fn reported(
     limits: &Limits,
 ) -> Result<Reported, Error> {
     let v1::ContactResult { candidate_id, robot_id, observe_time, outcome } = result;
-    check_text("result.robot_id", robot_id, limits.name_bytes)?;
+    check_name("result.robot_id", robot_id, limits)?;
+    check_text("result.candidate_id", candidate_id, OPAQUE_BYTES)?;
     check_timestamp("result.observe_time", observe_time.as_ref())?;
     let (target, warnings) = target(candidate_id, definition, head)?;
     let Some(outcome) = outcome else {
@@ -41,7 +43,7 @@ pub(crate) fn reported(
     };
     let outcome = match outcome {
         v1::contact_result::Outcome::Contact(message) => {
-            Outcome::Contact(contact("result.contact", message, definition)?)
+            Outcome::Contact(contact("result.contact", message, definition, limits)?)
         }
         v1::contact_result::Outcome::Contacts(message) => contacts(message, definition, limits)?,
         v1::contact_result::Outcome::NoContact(message) => Outcome::NoContact(sweep(message)?),
@@ -105,14 +107,15 @@ fn contacts(message: &v1::Contacts, definition: &Definition, limits: &Limits) ->
     let mut touches = Vec::new();
     for (index, message) in messages.iter().enumerate() {
         let path = format!("{list}[{index}]");
+        check_name(&format!("{path}.sensor_id"), &message.sensor_id, limits)?;
         let touched_before =
             || messages[..index].iter().any(|earlier| earlier.sensor_id == message.sensor_id);
         if definition.sensors.len() > 1 && touched_before() {
             let description =
-                format!("{:?} touched already: a pad touches once in an event", message.sensor_id);
+                format!("{} touched already: a pad touches once in an event", quoted(&message.sensor_id));
             return Err(Error::field(format!("{path}.sensor_id"), description));
         }
-        touches.push(contact(&path, message, definition)?);
+        touches.push(contact(&path, message, definition, limits)?);
     }
     let mut touches = touches.into_iter();
     match (touches.next(), touches.collect::<Vec<_>>()) {
@@ -122,7 +125,12 @@ fn contacts(message: &v1::Contacts, definition: &Definition, limits: &Limits) ->
     }
 }
 
-fn contact(path: &str, message: &v1::Contact, definition: &Definition) -> Result<Contact, Error> {
+fn contact(
+    path: &str,
+    message: &v1::Contact,
+    definition: &Definition,
+    limits: &Limits,
+) -> Result<Contact, Error> {
     let v1::Contact {
         sensor_pose,
         wrench: measured,
@@ -133,6 +141,7 @@ fn contact(path: &str, message: &v1::Contact, definition: &Definition) -> Result
         rest_wrench,
     } = message;
     let field = |name: &str| format!("{path}.{name}");
+    check_name(&field("sensor_id"), sensor_id, limits)?;
     let Sensor { id: _, tool_from_sensor: _, contact_force_n: _, pad } =
         definition.sensor(sensor_id).ok_or_else(|| unknown_sensor(path, sensor_id, definition))?;
     let base_from_sensor = pose(&field("sensor_pose"), sensor_pose.as_ref())?;
@@ -170,10 +179,11 @@ fn wrench(path: &str, message: &v1::Wrench) -> Result<Wrench, Error> {
 
 fn unknown_sensor(path: &str, sensor_id: &str, definition: &Definition) -> Error {
     let declared: Vec<&str> = definition.sensors.iter().map(|sensor| sensor.id.as_str()).collect();
+    let sensor_id = quoted(sensor_id);
     let description = if declared.is_empty() {
-        format!("{sensor_id:?} is not declared: the session declares no sensors, so leave it empty")
+        format!("{sensor_id} is not declared: the session declares no sensors, so leave it empty")
     } else {
-        format!("{sensor_id:?} is not declared: the session declares {}", declared.join(", "))
+        format!("{sensor_id} is not declared: the session declares {}", declared.join(", "))
     };
     Error::field(format!("{path}.sensor_id"), description)
 }

@@ -4,13 +4,14 @@ use std::collections::BTreeMap;
 
 use palpate_proto::v1;
 
-use super::check_text;
+use super::check_name;
 use super::config::config;
 use super::robot::keep_out_regions;
 use super::size::plausible_size;
 use crate::error::Error;
-use crate::limits::Limits;
+use crate::limits::{Limits, SESSION_ID_BYTES};
 use crate::session::Definition;
+use crate::text::quoted;
 
 /// The frame of a session that names none, as robot drivers call the robot's foot.
 const DEFAULT_FRAME: &str = "base";
@@ -33,10 +34,10 @@ pub(crate) fn definition(
         config: wanted_config,
         request_id,
     } = request;
-    check_text("display_name", display_name, limits.name_bytes)?;
-    check_text("experiment", experiment, limits.name_bytes)?;
-    check_text("frame_id", frame_id, limits.name_bytes)?;
-    check_text("request_id", request_id, limits.name_bytes)?;
+    check_name("display_name", display_name, limits)?;
+    check_name("experiment", experiment, limits)?;
+    check_name("frame_id", frame_id, limits)?;
+    check_name("request_id", request_id, limits)?;
     check_labels(labels, limits)?;
     let wanted_config = wanted_config.clone().unwrap_or_default();
     let (config, sensors) = config(&wanted_config, limits)?;
@@ -58,7 +59,7 @@ pub(crate) fn definition(
 }
 
 /// # Errors
-/// Too many labels, one without a name, or one that is too long.
+/// Too many labels, one without a name, or one that is too long or has control characters.
 pub(crate) fn check_labels(labels: &BTreeMap<String, String>, limits: &Limits) -> Result<(), Error> {
     if labels.len() > limits.labels {
         let description = format!("{} labels are more than the limit of {}", labels.len(), limits.labels);
@@ -68,8 +69,8 @@ pub(crate) fn check_labels(labels: &BTreeMap<String, String>, limits: &Limits) -
         if name.is_empty() {
             return Err(Error::field("labels", "a label has no name"));
         }
-        check_text("labels", name, limits.name_bytes)?;
-        check_text(&format!("labels[{name}]"), value, limits.name_bytes)?;
+        check_name("labels", name, limits)?;
+        check_name(&format!("labels[{name}]"), value, limits)?;
     }
     Ok(())
 }
@@ -82,11 +83,11 @@ pub(crate) fn check_session_id(session_id: &str) -> Result<(), Error> {
     let mut bytes = session_id.bytes();
     let well_formed = bytes.next().is_some_and(|first| first.is_ascii_lowercase())
         && bytes.all(|byte| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'-')
-        && (3..=63).contains(&session_id.len());
+        && (3..=SESSION_ID_BYTES).contains(&session_id.len());
     if well_formed {
         return Ok(());
     }
     let rule =
         "use 3 to 63 lower-case letters, digits and hyphens, a letter first; or leave it empty for a UUID";
-    Err(Error::field("session_id", format!("{session_id:?} cannot be used: {rule}")))
+    Err(Error::field("session_id", format!("{} cannot be used: {rule}", quoted(session_id))))
 }

@@ -4,7 +4,7 @@ use palpate_core::exploration::{KeepOut, ProposalRequest};
 use palpate_proto::v1;
 
 use super::geometry::{point, pose, vector};
-use super::{at, check_text};
+use super::{at, check_name};
 use crate::error::Error;
 use crate::limits::Limits;
 use crate::session::Question;
@@ -31,7 +31,7 @@ pub(crate) fn exploration_request(
         let request = ProposalRequest::best(top_k as usize);
         return Ok(Question { request, robot_id: String::new() });
     };
-    check_text(&format!("{robot_field}.robot_id"), robot_id, limits.name_bytes)?;
+    check_name(&format!("{robot_field}.robot_id"), robot_id, limits)?;
     let tool_field = format!("{robot_field}.tool_pose");
     let tool_pose = tool_pose.as_ref().map(|tool| pose(&tool_field, Some(tool))).transpose()?;
     let keep_out = keep_out_regions(&format!("{robot_field}.keep_out"), regions, limits)?;

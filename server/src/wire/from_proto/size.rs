@@ -6,6 +6,7 @@ use palpate_proto::v1;
 
 use super::non_finite;
 use crate::error::Error;
+use crate::limits::SMALLEST_CLOUD_M;
 use crate::session::PlausibleSize;
 
 /// The share of the points at each end of an axis that says nothing of the size: a few may be astray.
@@ -39,6 +40,22 @@ pub(super) fn plausible_size(path: &str, sizes: Option<&v1::PlausibleSize>) -> R
         return Err(Error::field(format!("{path}.refuse_above_m"), description));
     }
     Ok(sizes)
+}
+
+/// Refuses a view that is too small to be an object, before anything is fitted to it.
+///
+/// # Errors
+/// Its points lie closer together than any sensor resolves.
+pub(crate) fn check_least_size(path: &str, points: &[Point]) -> Result<(), Error> {
+    let size_m = extent_m(points);
+    if size_m >= SMALLEST_CLOUD_M {
+        return Ok(());
+    }
+    let description = format!(
+        "this object would be {size_m:.1e} m across, below the limit of {SMALLEST_CLOUD_M} m: no probe can touch it; \
+         send metres"
+    );
+    Err(Error::field(format!("{path}.points"), description))
 }
 
 /// Warns of a view that is implausibly small or large, by the longest side of its bounding box.
@@ -123,6 +140,20 @@ mod tests {
         let refused = check(&row(150.0)).unwrap_err();
         assert_eq!(refused.fields()[0].field, "prior.points");
         assert!(refused.to_string().contains("refuse_above_m, 100 m"), "{refused}");
+    }
+
+    #[test]
+    fn what_no_probe_can_touch_is_refused_with_the_limit() {
+        assert_eq!(check_least_size("prior", &row(0.000_011 / 0.96)), Ok(()));
+        for length_m in [0.000_009, 1e-9, 1e-39, 0.0] {
+            let refused = check_least_size("prior", &row_at_origin(length_m)).unwrap_err();
+            assert_eq!(refused.fields()[0].field, "prior.points");
+            assert!(refused.to_string().contains("limit of 0.00001 m"), "{refused}");
+        }
+    }
+
+    fn row_at_origin(length_m: f64) -> Vec<Point> {
+        (0..=100).map(|i| Point::new(0.0, length_m * f64::from(i) / 100.0, 0.0)).collect()
     }
 
     #[test]

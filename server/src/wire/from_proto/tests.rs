@@ -427,3 +427,44 @@ fn a_fresh_session_awaits_its_prior() {
     assert_eq!(session.state(), v1::SessionState::AwaitingPrior);
     assert_eq!((session.revision, session.etag.as_str()), (1, "1-1"));
 }
+
+#[test]
+fn what_an_earlier_version_took_for_a_name_is_replayed_and_refused_when_it_is_sent_again() {
+    let hidden = || "mug\n\u{1b}[31m\u{202e}".to_owned();
+    let request = v1::CreateSessionRequest {
+        session_id: "mug".into(),
+        experiment: hidden(),
+        labels: [(hidden(), hidden())].into(),
+        config: Some(v1::SessionConfig {
+            sensors: vec![v1::Sensor {
+                id: hidden(),
+                tool_from_sensor: Some(pose(1.0)),
+                ..v1::Sensor::default()
+            }],
+            ..v1::SessionConfig::default()
+        }),
+        ..v1::CreateSessionRequest::default()
+    };
+    let replayed = definition(&request, 1, &crate::wire::event::replay_limits()).unwrap();
+    assert_eq!(replayed.experiment, hidden());
+    let contact = v1::Contact { sensor_id: hidden(), ..contact() };
+    let outcome = v1::contact_result::Outcome::Contact(contact);
+    let result =
+        v1::ContactResult { robot_id: hidden(), outcome: Some(outcome), ..v1::ContactResult::default() };
+    assert!(reported(&result, &replayed, 3, &crate::wire::event::replay_limits()).is_ok());
+    let refused = |outcome: Result<(), Error>| outcome.unwrap_err().fields()[0].field.clone();
+    assert_eq!(refused(definition(&request, 1, &Limits::default()).map(drop)), "experiment");
+    assert_eq!(refused(reported(&result, &replayed, 3, &Limits::default()).map(drop)), "result.robot_id");
+}
+
+#[test]
+fn what_cannot_be_the_id_of_a_session_is_refused_before_it_is_looked_for() {
+    for id in ["mug", "0197-a", "nobody", "Mug_1.x", &"x".repeat(63)] {
+        assert_eq!(check_session_named("session_id", id), Ok(()), "{id}");
+    }
+    for id in ["", "a b", "a/../b", "mug\n", "müg", &"x".repeat(64), &"\u{202e}".repeat(5 << 20)] {
+        let refused = check_session_named("open.session_id", id).unwrap_err();
+        assert_eq!(refused.fields()[0].field, "open.session_id");
+        assert!(refused.to_string().len() < 700, "{refused}");
+    }
+}
