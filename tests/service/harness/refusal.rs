@@ -77,6 +77,11 @@ fn statuses(reason: &str) -> (Code, u16) {
         "NO_VISUAL_PRIOR" | "SESSION_FULL" => (Code::FailedPrecondition, 409),
         "QUOTA" | "QUEUE_FULL" => (Code::ResourceExhausted, 429),
         "TOO_LARGE" => (Code::ResourceExhausted, 413),
+        "OVERLOADED" => (Code::ResourceExhausted, 503),
+        "HEADER_TOO_LARGE" => (Code::ResourceExhausted, 431),
+        "BODY_TIMEOUT" => (Code::DeadlineExceeded, 408),
+        "HOST_MISSING" => (Code::InvalidArgument, 400),
+        "HOST_REFUSED" | "ORIGIN_REFUSED" => (Code::PermissionDenied, 403),
         "DRAINING" => (Code::Unavailable, 503),
         "UNIMPLEMENTED" => (Code::Unimplemented, 501),
         // These can happen over HTTP only.
