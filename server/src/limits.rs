@@ -81,6 +81,8 @@ pub struct Limits {
     pub head_timeout: Duration,
     /// How long the body of a request may take to arrive; streams of messages take as long as they like.
     pub body_timeout: Duration,
+    /// How long a peer may take nothing of what is sent to it before its connection is cut.
+    pub send_timeout: Duration,
     /// Bytes of bodies that are being received or answered, over all connections, after decompression.
     pub body_bytes: usize,
     /// Concurrent streams of one HTTP/2 connection.
@@ -127,6 +129,7 @@ impl Default for Limits {
             idle: Duration::from_secs(120),
             head_timeout: Duration::from_secs(30),
             body_timeout: Duration::from_secs(30),
+            send_timeout: Duration::from_secs(30),
             body_bytes: 256 << 20,
             connection_streams: 64,
             header_bytes: 16 << 10,

@@ -7,6 +7,7 @@ mod connection;
 mod door;
 mod headers;
 mod origin;
+mod stall;
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -107,8 +108,6 @@ pub async fn serve(
     let router = grpc_routes.merge(web::router(api.clone(), bodies)).layer(pages);
 
     let connections = Arc::new(Connections::new(router, door, api.limits()));
-    let capacity = accept::capacity(api.limits());
-    let accepting = accept::run(listener, capacity, connections, shutdown.clone());
     tracing::info!(
         api = %format!("http://{address}"),
         docs = %format!("http://{address}/docs"),
@@ -116,6 +115,8 @@ pub async fn serve(
         "palpate listens for gRPC and HTTP"
     );
 
+    let capacity = accept::capacity(api.limits());
+    let accepting = accept::run(listener, capacity, connections, shutdown.clone());
     tokio::pin!(accepting);
     tokio::select! {
         () = &mut accepting => {}

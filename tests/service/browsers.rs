@@ -82,7 +82,7 @@ async fn what_every_page_could_send_is_no_origin() {
 async fn the_documentation_is_shown_by_a_real_browser_within_its_policy() {
     let server = Server::start().await;
     let document = open_in_browser(&format!("{}/docs/", server.url())).await;
-    for shown in ["/v1/sessions/{session_id}/contacts", "opblock-summary", "Try it out", "Palpate"] {
+    for shown in ["/v1/sessions/{session_id}/contacts", "opblock-summary", "<title>Palpate"] {
         assert!(document.contains(shown), "{shown}: {document}");
     }
 }

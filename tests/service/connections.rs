@@ -59,13 +59,7 @@ async fn a_body_that_does_not_arrive_is_cut_over_http() {
     // A byte now and then is no better than none.
     let mut dribbling = Raw::open(server.address).await;
     dribbling.say(head(100_000)).await;
-    let answer = loop {
-        dribbling.try_say("x").await;
-        match tokio::time::timeout(Duration::from_millis(20), dribbling.hear_to_the_end()).await {
-            Ok(answer) => break answer,
-            Err(_) => continue,
-        }
-    };
+    let answer = dribbling.dribble_to_the_end().await;
     assert!(answer.starts_with("HTTP/1.1 408"), "{answer}");
     assert_eq!(server.grpc().get("ball").await.unwrap().revision, 1);
 }
@@ -117,7 +111,8 @@ async fn an_idle_connection_is_closed_and_one_with_an_open_stream_is_not() {
     // The preface of HTTP/2 with empty settings, and then not even an answer to the server's leave.
     let mut settled = Raw::open(server.address).await;
     settled.say(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0\0\x04\0\0\0\0\0").await;
-    settled.hear_to_the_end().await;
+    let leave = settled.hear_to_the_end().await;
+    assert!(leave.contains("\0\0\u{8}\u{7}\0"), "the server takes leave with GOAWAY: {leave:?}");
 
     caller.add_prior(prior("ball")).await.unwrap();
     assert_eq!(events.next().await.unwrap().name, "visual_prior");
@@ -168,6 +163,8 @@ async fn more_callers_than_files_neither_stop_the_server_nor_keep_it_busy() {
             break address.strip_prefix("http://").unwrap().parse().unwrap();
         }
     };
+    let line = soon("how many it takes", log.next_line()).await.unwrap().unwrap();
+    assert!(line.contains("capacity=50"), "{line}");
     let mut crowd = Vec::new();
     for _ in 0..200 {
         crowd.push(Raw::open(address).await);

@@ -149,7 +149,6 @@ async fn every_answer_tells_a_browser_not_to_guess_frame_or_share_it() {
     let server = Server::with_options(ServeOptions { allowed_origins, ..ServeOptions::default() }).await;
     server.caller(Transport::Http).begin("ball").await;
     for path in [
-        "/",
         "/docs/",
         "/docs/swagger-ui-bundle.js",
         "/openapi.json",

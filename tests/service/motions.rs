@@ -101,7 +101,7 @@ async fn a_motion_that_nobody_told_of_is_followed_or_ends_in_the_advice_to_stop(
             next = reply.candidates.remove(0);
         }
         let reply = found.expect("the motion is found within 27 attempts");
-        let motion = reply.session.as_ref().unwrap().stats.as_ref().unwrap().motion.clone().unwrap();
+        let motion = reply.session.as_ref().unwrap().stats.as_ref().unwrap().motion.unwrap();
         assert_eq!(motion.followed, on_motion == v1::OnMotion::Follow);
         let shift = motion.translation_m.unwrap();
         assert!(distance_m([shift.x, shift.y, shift.z], by) < 0.008, "{shift:?}");

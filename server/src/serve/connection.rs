@@ -12,11 +12,13 @@ use hyper::service::service_fn;
 use hyper_util::rt::{TokioExecutor, TokioIo, TokioTimer};
 use hyper_util::server::conn::auto::Builder;
 use tokio::net::TcpStream;
+use tokio::time::sleep;
 use tokio_util::sync::CancellationToken;
 use tonic::transport::server::TcpConnectInfo;
 
 use super::activity::Activity;
 use super::door::Door;
+use super::stall::Patient;
 use crate::limits::Limits;
 
 /// A silent connection is probed this often, and given up when it does not answer in time.
@@ -39,11 +41,18 @@ pub(super) struct Connections {
     door: Door,
     protocol: Builder<TokioExecutor>,
     idle: Duration,
+    send_timeout: Duration,
 }
 
 impl Connections {
     pub(super) fn new(router: Router, door: Door, limits: &Limits) -> Self {
-        Self { router, door, protocol: protocol(limits), idle: limits.idle }
+        Self {
+            router,
+            door,
+            protocol: protocol(limits),
+            idle: limits.idle,
+            send_timeout: limits.send_timeout,
+        }
     }
 
     /// Serves one connection to its end.
@@ -62,7 +71,8 @@ impl Connections {
                 Ok::<_, Infallible>(response.map(|body| open.until_sent(body)))
             }
         });
-        let connection = self.protocol.serve_connection(TokioIo::new(stream), service);
+        let stream = TokioIo::new(Patient::new(stream, self.send_timeout));
+        let connection = self.protocol.serve_connection(stream, service);
         tokio::pin!(connection);
         tokio::select! {
             outcome = connection.as_mut() => return log_end(peer, outcome),
@@ -70,10 +80,14 @@ impl Connections {
             () = shutdown.cancelled() => {}
         }
         connection.as_mut().graceful_shutdown();
+        // A peer that does not take leave is not waited for; one with an open request is.
+        let farewell = async {
+            sleep(FAREWELL).await;
+            activity.quiet_for(FAREWELL).await;
+        };
         tokio::select! {
             outcome = connection => log_end(peer, outcome),
-            // A peer that does not take leave is not waited for; one with an open request is.
-            () = activity.quiet_for(FAREWELL) => tracing::debug!(%peer, "a connection is cut"),
+            () = farewell => tracing::debug!(%peer, "a connection is cut"),
         }
     }
 }

@@ -144,7 +144,9 @@ impl Rules {
             if is_same_origin(origin, host) {
                 return Ok(Caller::Own);
             }
-            return Err(Error::OriginRefused { site: shown(&String::from_utf8_lossy(origin.as_bytes())) });
+            let site = shown(&String::from_utf8_lossy(origin.as_bytes()));
+            // Quoted, which also escapes what a terminal would obey.
+            return Err(Error::OriginRefused { site: format!("{site:?}") });
         }
         // A browser that sends no origin still says whether the page is of another site.
         let says = |name: &str| parts.headers.get(name).map_or(&b""[..], HeaderValue::as_bytes);

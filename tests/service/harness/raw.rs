@@ -1,11 +1,15 @@
 //! A connection whose every byte a test chooses.
 
 use std::net::SocketAddr;
+use std::time::Duration;
 
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 
 use super::{Outcome, Refused, soon};
+
+/// Between two bytes that dribble.
+const PAUSE: Duration = Duration::from_millis(20);
 
 /// An open connection that speaks HTTP/1, or nothing yet.
 #[derive(Debug)]
@@ -29,6 +33,23 @@ impl Raw {
     pub(crate) async fn hear_to_the_end(&mut self) -> String {
         let mut heard = Vec::new();
         let _ = soon("the connection ends", self.0.read_to_end(&mut heard)).await;
+        String::from_utf8_lossy(&heard).into_owned()
+    }
+
+    /// The same, while a byte is said now and then.
+    pub(crate) async fn dribble_to_the_end(&mut self) -> String {
+        let (mut from, mut to) = self.0.split();
+        let dribble = async {
+            while to.write_all(b"x").await.is_ok() {
+                tokio::time::sleep(PAUSE).await;
+            }
+            std::future::pending::<()>().await;
+        };
+        let mut heard = Vec::new();
+        tokio::select! {
+            _ = soon("the connection ends", from.read_to_end(&mut heard)) => {}
+            () = dribble => {}
+        }
         String::from_utf8_lossy(&heard).into_owned()
     }
 
