@@ -116,6 +116,53 @@ pub(crate) enum Error {
         /// What the caller can do.
         hint: &'static str,
     },
+    /// The headers of a request are too large.
+    #[error(
+        "the request's headers are {bytes} bytes, over the limit of {limit} bytes: send fewer or shorter ones"
+    )]
+    HeaderTooLarge {
+        /// How large they are.
+        bytes: usize,
+        /// How large they may be.
+        limit: usize,
+    },
+    /// The body did not arrive in time.
+    #[error(
+        "the body did not arrive within the limit of {} s: send it faster, or in several requests", .limit.as_secs_f64()
+    )]
+    BodyTooSlow {
+        /// How long it may take.
+        limit: Duration,
+    },
+    /// The requests of all callers together are too much at the moment.
+    #[error(
+        "the server holds bodies of {limit} bytes already, its limit: try again in a moment, with the same request_id"
+    )]
+    Overloaded {
+        /// How many bytes it may hold.
+        limit: usize,
+    },
+    /// The request does not say which server it is for, or says it twice.
+    #[error(
+        "the request needs one Host header (:authority over HTTP/2): send the name that the server is called by"
+    )]
+    HostMissing,
+    /// The request is for a name that is not this server's; a page that rebinds its own name sends such ones.
+    #[error(
+        "{host:?} is no name of this server: call it as localhost or 127.0.0.1, or start it with --allow-host and this name"
+    )]
+    HostRefused {
+        /// The name in the request.
+        host: String,
+    },
+    /// A web page of a site that may not call.
+    #[error(
+        "a web page of {site} may not call this server: start it with --allow-origin and the page's origin, such as http://localhost:5173"
+    )]
+    OriginRefused {
+        /// Whose page it is.
+        site: String,
+    },
     /// The server is about to stop.
     #[error("the server is shutting down: try again in a moment, with the same request_id")]
     Draining,
@@ -190,6 +237,12 @@ impl Error {
             Self::SessionFull { .. } => "SESSION_FULL",
             Self::QueueFull { .. } => "QUEUE_FULL",
             Self::TooLarge { .. } => "TOO_LARGE",
+            Self::HeaderTooLarge { .. } => "HEADER_TOO_LARGE",
+            Self::BodyTooSlow { .. } => "BODY_TIMEOUT",
+            Self::Overloaded { .. } => "OVERLOADED",
+            Self::HostMissing => "HOST_MISSING",
+            Self::HostRefused { .. } => "HOST_REFUSED",
+            Self::OriginRefused { .. } => "ORIGIN_REFUSED",
             Self::Draining => "DRAINING",
             Self::StoreFull => "STORE_FULL",
             Self::StoreDown { .. } => "STORE_DOWN",
@@ -202,18 +255,22 @@ impl Error {
     /// The gRPC status code.
     pub(crate) fn grpc_code(&self) -> Code {
         match self {
-            Self::Fields(_) => Code::InvalidArgument,
+            Self::Fields(_) | Self::HostMissing => Code::InvalidArgument,
+            Self::HostRefused { .. } | Self::OriginRefused { .. } => Code::PermissionDenied,
             Self::SessionNotFound { .. } | Self::SessionDeleted { .. } => Code::NotFound,
             Self::SessionExists { .. } | Self::RequestIdReused { .. } => Code::AlreadyExists,
             Self::RevisionMismatch { .. } | Self::EtagMismatch { .. } => Code::Aborted,
             Self::NoVisualPrior | Self::SessionQuarantined { .. } | Self::SessionFull { .. } => {
                 Code::FailedPrecondition
             }
-            Self::Quota { .. } | Self::QueueFull { .. } | Self::TooLarge { .. } | Self::StoreFull => {
-                Code::ResourceExhausted
-            }
+            Self::Quota { .. }
+            | Self::QueueFull { .. }
+            | Self::TooLarge { .. }
+            | Self::HeaderTooLarge { .. }
+            | Self::Overloaded { .. }
+            | Self::StoreFull => Code::ResourceExhausted,
             Self::Draining | Self::StoreDown { .. } => Code::Unavailable,
-            Self::DeadlineExceeded => Code::DeadlineExceeded,
+            Self::DeadlineExceeded | Self::BodyTooSlow { .. } => Code::DeadlineExceeded,
             Self::Unimplemented { .. } => Code::Unimplemented,
             Self::Internal { .. } => Code::Internal,
         }
@@ -233,7 +290,13 @@ impl Error {
             Self::EtagMismatch { .. } => StatusCode::PRECONDITION_FAILED,
             Self::Quota { .. } | Self::QueueFull { .. } => StatusCode::TOO_MANY_REQUESTS,
             Self::TooLarge { .. } => StatusCode::PAYLOAD_TOO_LARGE,
-            Self::Draining | Self::StoreDown { .. } => StatusCode::SERVICE_UNAVAILABLE,
+            Self::HeaderTooLarge { .. } => StatusCode::REQUEST_HEADER_FIELDS_TOO_LARGE,
+            Self::BodyTooSlow { .. } => StatusCode::REQUEST_TIMEOUT,
+            Self::HostMissing => StatusCode::BAD_REQUEST,
+            Self::HostRefused { .. } | Self::OriginRefused { .. } => StatusCode::FORBIDDEN,
+            Self::Draining | Self::StoreDown { .. } | Self::Overloaded { .. } => {
+                StatusCode::SERVICE_UNAVAILABLE
+            }
             Self::StoreFull => StatusCode::INSUFFICIENT_STORAGE,
             Self::DeadlineExceeded => StatusCode::GATEWAY_TIMEOUT,
             Self::Unimplemented { .. } => StatusCode::NOT_IMPLEMENTED,
@@ -250,7 +313,9 @@ impl Error {
     pub(crate) fn retry_after(&self) -> Option<Duration> {
         match self {
             Self::QueueFull { retry_after, .. } => Some(*retry_after),
-            Self::Quota { .. } | Self::Draining | Self::StoreDown { .. } => Some(Duration::from_secs(1)),
+            Self::Quota { .. } | Self::Draining | Self::StoreDown { .. } | Self::Overloaded { .. } => {
+                Some(Duration::from_secs(1))
+            }
             _ => None,
         }
     }

@@ -7,6 +7,11 @@ mod reconstruction;
 mod sessions;
 mod status;
 
+use axum::body::Body;
+use axum::extract::State;
+use axum::middleware::{Next, from_fn_with_state};
+use http::header::CONTENT_TYPE;
+use http::{HeaderMap, HeaderValue};
 use palpate_proto::v1::exploration_service_server::ExplorationServiceServer;
 use palpate_proto::v1::reconstruction_service_server::ReconstructionServiceServer;
 use palpate_proto::v1::session_service_server::SessionServiceServer;
@@ -23,6 +28,7 @@ use tower::Layer;
 use crate::api::{Api, Call};
 use crate::error::Error;
 use crate::peer;
+use crate::serve::bodies::{Bodies, Kind};
 use status::status;
 
 /// A reply leaves this much before the caller's deadline, so that it says DEADLINE_EXCEEDED in time.
@@ -32,7 +38,10 @@ const MARGIN: Duration = Duration::from_millis(20);
 ///
 /// # Errors
 /// The embedded descriptors cannot be read, which is a fault of the build.
-pub(crate) fn router(api: &Api) -> Result<(axum::Router, HealthReporter), tonic_reflection::server::Error> {
+pub(crate) fn router(
+    api: &Api,
+    bodies: Bodies,
+) -> Result<(axum::Router, HealthReporter), tonic_reflection::server::Error> {
     let limit = api.limits().message_bytes;
     // Replies carry whole meshes and clouds, which the limits on a session bound.
     let service = Handlers { api: api.clone() };
@@ -50,7 +59,29 @@ pub(crate) fn router(api: &Api) -> Result<(axum::Router, HealthReporter), tonic_
             .add_service(reflection().build_v1()?)
             .add_service(reflection().build_v1alpha()?);
     let reading = axum::middleware::map_response(move |response| status::explain_reading(response, limit));
-    Ok((routes.into_axum_router().reset_fallback().layer(reading), health_reporter))
+    let router = routes.into_axum_router().reset_fallback();
+    Ok((router.layer(from_fn_with_state(bodies, receive)).layer(reading), health_reporter))
+}
+
+/// A refusal that comes before any handler, in the kind of gRPC that was asked for.
+pub(crate) fn refusal(error: &Error, content_type: &HeaderValue) -> http::Response<Body> {
+    let mut response = status(error).into_http::<Body>();
+    response.headers_mut().insert(CONTENT_TYPE, content_type.clone());
+    response
+}
+
+async fn receive(
+    State(bodies): State<Bodies>,
+    request: http::Request<Body>,
+    next: Next,
+) -> http::Response<Body> {
+    let content_type = request.headers().get(CONTENT_TYPE).cloned();
+    let content_type = content_type.unwrap_or(HeaderValue::from_static("application/grpc"));
+    let kind = match request.uri().path() {
+        path if path.ends_with("/Explore") || path.ends_with("/ServerReflectionInfo") => Kind::Messages,
+        _ => Kind::Whole(timeout(request.headers())),
+    };
+    bodies.run(request, kind, next, |error| refusal(error, &content_type)).await
 }
 
 /// Tells health checks whether the three services serve.
@@ -101,15 +132,17 @@ fn unavailable(what: &str) -> Status {
 
 /// Who calls, and until when.
 fn call<T>(request: &Request<T>) -> Call {
-    let timeout = request.metadata().get("grpc-timeout").and_then(|value| value.to_str().ok());
-    let timeout = timeout.and_then(parse_timeout);
     let peer = peer::address(request.extensions());
     Call {
-        deadline: timeout
+        deadline: timeout(request.metadata().as_ref())
             .and_then(|timeout| Instant::now().checked_add(timeout.saturating_sub(MARGIN.min(timeout / 4)))),
         actor: peer.map(|address| address.to_string()).unwrap_or_default(),
         peer,
     }
+}
+
+fn timeout(headers: &HeaderMap) -> Option<Duration> {
+    headers.get("grpc-timeout").and_then(|value| value.to_str().ok()).and_then(parse_timeout)
 }
 
 /// `grpc-timeout`: up to eight digits and a unit.

@@ -25,7 +25,8 @@ use std::any::Any;
 use std::sync::LazyLock;
 
 use axum::Router;
-use axum::extract::Request;
+use axum::extract::{Request, State};
+use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use http::header::{CONTENT_TYPE, ETAG};
 use http::{Extensions, HeaderMap, HeaderValue, Method, StatusCode, Uri, Version};
@@ -39,13 +40,15 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use crate::api::Api;
+use crate::error::Error;
+use crate::serve::bodies::{Bodies, Kind};
 use problem::Problem;
 
 /// Smaller bodies gain nothing by compression, in bytes.
 const LEAST_COMPRESSED_BYTES: u64 = 1024;
 
 /// All routes with their layers.
-pub(crate) fn router(api: Api) -> Router {
+pub(crate) fn router(api: Api, bodies: Bodies) -> Router {
     // The document never changes, so every server of a process shares one.
     static DOCUMENT: LazyLock<String> = LazyLock::new(|| openapi::document(documented().into_openapi()));
     let document = async || ([(CONTENT_TYPE, "application/json")], DOCUMENT.as_str());
@@ -59,6 +62,8 @@ pub(crate) fn router(api: Api) -> Router {
         .merge(openapi::documentation_page())
         .fallback(no_such_path)
         .method_not_allowed_fallback(method_not_allowed)
+        // Inside of what decompresses, so that it counts what is held and not what was sent.
+        .layer(from_fn_with_state(bodies, receive))
         // What it does not know stays marked as encoded, and is refused where a body is read. It decompresses as the
         // body is read, so the bound on what is read is one on what was decompressed.
         .layer(RequestDecompressionLayer::new().pass_through_unaccepted(true))
@@ -70,6 +75,15 @@ pub(crate) fn router(api: Api) -> Router {
         .layer(PropagateRequestIdLayer::x_request_id())
         .layer(trace)
         .layer(SetRequestIdLayer::x_request_id(MakeRequestUuid))
+}
+
+/// A refusal that comes before any route.
+pub(crate) fn refusal(error: &Error) -> Response {
+    Problem::from(error.clone()).into_response()
+}
+
+async fn receive(State(bodies): State<Bodies>, request: Request, next: Next) -> Response {
+    bodies.run(request, Kind::Whole(None), next, refusal).await
 }
 
 /// The routes that the OpenAPI document describes: each is declared once, beside its handler.

@@ -22,5 +22,5 @@ mod voxel;
 mod wire;
 
 pub use limits::Limits;
-pub use serve::{ServeError, ServeOptions, serve};
+pub use serve::{ServeError, ServeOptions, parse_host, parse_origin, serve};
 pub use store::OpenError;

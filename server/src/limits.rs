@@ -126,9 +126,21 @@ pub struct Limits {
     pub stream_stall: Duration,
     /// Bytes of the log that a reader holds at once; a larger event is read alone.
     pub read_bytes: usize,
+    /// Open connections; fewer where the process may not open so many files.
+    pub connections: usize,
+    /// How long a connection may be without an open request before it is closed.
+    pub idle: Duration,
+    /// How long the head of a request over HTTP/1 may take to arrive, the wait for it included.
+    pub head_timeout: Duration,
+    /// How long the body of a request may take to arrive; streams of messages take as long as they like.
+    pub body_timeout: Duration,
+    /// How long a peer may take nothing of what is sent to it before its connection is cut.
+    pub send_timeout: Duration,
+    /// Bytes of bodies that are being received or answered, over all connections, after decompression.
+    pub body_bytes: usize,
     /// Concurrent streams of one HTTP/2 connection.
     pub connection_streams: u32,
-    /// Bytes of all headers of one request.
+    /// Bytes of all headers of one request and of what it asks for, as HTTP/2 counts them.
     pub header_bytes: u32,
     /// Sign of life on a silent watch stream where the caller names none.
     pub heartbeat: Duration,
@@ -182,6 +194,12 @@ impl Default for Limits {
             stream_bytes: 1 << 20,
             stream_stall: Duration::from_secs(30),
             read_bytes: 1 << 20,
+            connections: 1024,
+            idle: Duration::from_secs(120),
+            head_timeout: Duration::from_secs(30),
+            body_timeout: Duration::from_secs(30),
+            send_timeout: Duration::from_secs(30),
+            body_bytes: 256 << 20,
             connection_streams: 64,
             header_bytes: 16 << 10,
             heartbeat: Duration::from_secs(15),

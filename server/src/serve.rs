@@ -1,28 +1,31 @@
 //! The whole server on one port, from opening the log to the last open stream.
 
+mod accept;
+mod activity;
+pub(crate) mod bodies;
+mod connection;
+mod door;
+mod headers;
+mod origin;
+mod stall;
+
 use std::net::SocketAddr;
 use std::path::PathBuf;
-use std::time::Duration;
+use std::sync::Arc;
 
 use http::HeaderValue;
 use tokio::net::TcpListener;
 use tokio_util::sync::CancellationToken;
-use tonic::service::Routes;
-use tonic::transport::Server;
-use tonic::transport::server::TcpIncoming;
 use tower::util::option_layer;
 
 use crate::api::Api;
 use crate::limits::Limits;
 use crate::store::{OpenError, Store};
 use crate::{cors, grpc, http as web};
-
-/// A silent connection is probed this often, and given up when it does not answer in time.
-const KEEPALIVE_INTERVAL: Duration = Duration::from_secs(20);
-const KEEPALIVE_TIMEOUT: Duration = Duration::from_secs(10);
-/// Bounds on streams that a peer opens and resets at once, as hyper has them where tonic sets none.
-const PENDING_RESETS: usize = 20;
-const LOCAL_RESETS: usize = 1024;
+use bodies::Bodies;
+use connection::Connections;
+use door::Door;
+pub use origin::{parse_host, parse_origin};
 
 /// What a server is started with.
 #[derive(Clone, Debug)]
@@ -33,11 +36,20 @@ pub struct ServeOptions {
     pub limits: Limits,
     /// Web origins whose pages may call, such as `https://lab.example`; no other page may, and there is no wildcard.
     pub allowed_origins: Vec<HeaderValue>,
+    /// Names that the server is called by, such as `palpate.lan`, beside those of the loopback, which always count.
+    ///
+    /// On a loopback address no others are taken; on other addresses any is taken where none is given.
+    pub allowed_hosts: Vec<String>,
 }
 
 impl Default for ServeOptions {
     fn default() -> Self {
-        Self { database: "palpate.db".into(), limits: Limits::default(), allowed_origins: Vec::new() }
+        Self {
+            database: "palpate.db".into(),
+            limits: Limits::default(),
+            allowed_origins: Vec::new(),
+            allowed_hosts: Vec::new(),
+        }
     }
 }
 
@@ -47,14 +59,22 @@ pub enum ServeError {
     /// The event log cannot be used.
     #[error(transparent)]
     Store(#[from] OpenError),
-    /// A wildcard would let every page that a browser opens command the robot.
-    #[error(
-        "the allowed origin \"*\" would let any web page call: name each origin, as in https://lab.example"
-    )]
-    AnyOrigin,
-    /// The socket or a connection failed.
-    #[error("the server failed: {0}")]
-    Transport(#[from] tonic::transport::Error),
+    /// An origin that no page has, or that every page can have.
+    #[error("the allowed origin {origin:?} {advice}")]
+    Origin {
+        /// What was given.
+        origin: String,
+        /// What is wrong with it and what to write instead.
+        advice: String,
+    },
+    /// A name that no request can be for.
+    #[error("the allowed host {host:?} {advice}")]
+    Host {
+        /// What was given.
+        host: String,
+        /// What is wrong with it and what to write instead.
+        advice: String,
+    },
     /// The embedded descriptors cannot be read, which is a fault of the build.
     #[error("the contract's descriptors cannot be read: {0}")]
     Reflection(#[from] tonic_reflection::server::Error),
@@ -74,23 +94,20 @@ pub async fn serve(
     options: ServeOptions,
     shutdown: CancellationToken,
 ) -> Result<(), ServeError> {
-    let ServeOptions { database, limits, allowed_origins } = options;
+    let ServeOptions { database, limits, allowed_origins, allowed_hosts } = options;
     let address: SocketAddr = listener.local_addr()?;
-    if allowed_origins.iter().any(|origin| origin == "*") {
-        return Err(ServeError::AnyOrigin);
-    }
+    let allowed_origins = checked_origins(&allowed_origins)?;
+    let door = Door::new(address, checked_hosts(&allowed_hosts)?, allowed_origins.clone(), &limits);
     let store = Store::open(&database, &limits).await?;
     let api = Api::new(store, limits, shutdown.clone());
-    let (grpc_routes, health) = grpc::router(&api)?;
+    let bodies = Bodies::new(api.limits());
+    let (grpc_routes, health) = grpc::router(&api, bodies.clone())?;
     grpc::report_health(health.clone(), true).await;
     // Around all routes: a browser asks for leave before it calls over gRPC-Web, too.
     let pages = option_layer(cors::layer(allowed_origins));
-    let routes = Routes::from(grpc_routes.merge(web::router(api.clone())).layer(pages));
+    let router = grpc_routes.merge(web::router(api.clone(), bodies)).layer(pages);
 
-    let incoming = TcpIncoming::from(listener).with_nodelay(Some(true));
-    let serving = builder(api.limits())
-        .add_routes(routes)
-        .serve_with_incoming_shutdown(incoming, shutdown.clone().cancelled_owned());
+    let connections = Arc::new(Connections::new(router, door, api.limits()));
     tracing::info!(
         api = %format!("http://{address}"),
         docs = %format!("http://{address}/docs"),
@@ -98,31 +115,34 @@ pub async fn serve(
         "palpate listens for gRPC and HTTP"
     );
 
-    tokio::pin!(serving);
-    let mut outcome = tokio::select! {
-        outcome = &mut serving => Some(outcome),
-        () = shutdown.cancelled() => None,
-    };
-    if outcome.is_none() {
-        grpc::report_health(health, false).await;
-        outcome = tokio::time::timeout(api.limits().drain, &mut serving).await.ok();
-    }
-    if outcome.is_none() {
-        tracing::warn!("connections were still open when the time to finish was over: they are cut");
+    let capacity = accept::capacity(api.limits());
+    let accepting = accept::run(listener, capacity, connections, shutdown.clone());
+    tokio::pin!(accepting);
+    tokio::select! {
+        () = &mut accepting => {}
+        () = shutdown.cancelled() => {
+            grpc::report_health(health, false).await;
+            if tokio::time::timeout(api.limits().drain, &mut accepting).await.is_err() {
+                tracing::warn!("connections were still open when the time to finish was over: they are cut");
+            }
+        }
     }
     api.finish().await;
-    outcome.unwrap_or(Ok(())).map_err(ServeError::from)
+    Ok(())
 }
 
-fn builder(limits: &Limits) -> Server {
-    Server::builder()
-        .accept_http1(true)
-        .max_concurrent_streams(limits.connection_streams)
-        .http2_max_header_list_size(limits.header_bytes)
-        .http2_max_pending_accept_reset_streams(Some(PENDING_RESETS))
-        .http2_max_local_error_reset_streams(Some(LOCAL_RESETS))
-        .http2_keepalive_interval(Some(KEEPALIVE_INTERVAL))
-        .http2_keepalive_timeout(Some(KEEPALIVE_TIMEOUT))
+fn checked_origins(origins: &[HeaderValue]) -> Result<Vec<HeaderValue>, ServeError> {
+    let check = |origin: &HeaderValue| {
+        let origin = String::from_utf8_lossy(origin.as_bytes()).into_owned();
+        parse_origin(&origin).map_err(|advice| ServeError::Origin { origin, advice })
+    };
+    origins.iter().map(check).collect()
+}
+
+fn checked_hosts(hosts: &[String]) -> Result<Vec<String>, ServeError> {
+    let check =
+        |host: &String| parse_host(host).map_err(|advice| ServeError::Host { host: host.clone(), advice });
+    hosts.iter().map(check).collect()
 }
 
 #[cfg(test)]

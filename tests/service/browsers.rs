@@ -65,12 +65,26 @@ async fn only_pages_of_allowed_origins_may_call() {
 }
 
 #[tokio::test]
-async fn a_wildcard_is_no_origin() {
-    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
-    let allowed_origins = vec![HeaderValue::from_static("*")];
-    let options = ServeOptions { allowed_origins, ..ServeOptions::default() };
-    let refused = palpate_server::serve(listener, options, tokio_util::sync::CancellationToken::new()).await;
-    assert!(refused.unwrap_err().to_string().contains("name each origin"));
+async fn what_every_page_could_send_is_no_origin() {
+    for (origin, advice) in
+        [("*", "name the page's origin"), ("null", "serve the page"), ("lab", "write http://lab")]
+    {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let allowed_origins = vec![HeaderValue::from_static(origin)];
+        let options = ServeOptions { allowed_origins, ..ServeOptions::default() };
+        let stop = tokio_util::sync::CancellationToken::new();
+        let refused = palpate_server::serve(listener, options, stop).await.unwrap_err().to_string();
+        assert!(refused.contains(advice), "{refused}");
+    }
+}
+
+#[tokio::test]
+async fn the_documentation_is_shown_by_a_real_browser_within_its_policy() {
+    let server = Server::start().await;
+    let document = open_in_browser(&format!("{}/docs/", server.url())).await;
+    for shown in ["/v1/sessions/{session_id}/contacts", "opblock-summary", "<title>Palpate"] {
+        assert!(document.contains(shown), "{shown}: {document}");
+    }
 }
 
 #[tokio::test]

@@ -5,6 +5,7 @@ mod caller;
 mod http;
 mod process;
 mod proxy;
+mod raw;
 mod refusal;
 mod samples;
 mod server;
@@ -15,6 +16,7 @@ pub(crate) use caller::{Caller, Transport, reply};
 pub(crate) use http::{EventStream, Http, accepted, from_json, header, send, to_json};
 pub(crate) use process::Process;
 pub(crate) use proxy::Proxy;
+pub(crate) use raw::{Raw, outcome, say_raw};
 pub(crate) use refusal::{Outcome, Refused};
 pub(crate) use samples::{
     cap, cloud, creation, miss, prior, question, report, result, touch, without_timing,

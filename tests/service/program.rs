@@ -11,7 +11,14 @@ use crate::harness::soon;
 fn palpate(folder: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_palpate-under-test"));
     command.args(arguments).current_dir(folder).kill_on_drop(true).stdin(Stdio::null());
-    for name in ["RUST_LOG", "PALPATE_LISTEN", "PALPATE_DATABASE", "PALPATE_ALLOW_ORIGIN", "PALPATE_SERVER"] {
+    for name in [
+        "RUST_LOG",
+        "PALPATE_LISTEN",
+        "PALPATE_DATABASE",
+        "PALPATE_ALLOW_HOST",
+        "PALPATE_ALLOW_ORIGIN",
+        "PALPATE_SERVER",
+    ] {
         command.env_remove(name);
     }
     command
@@ -66,6 +73,8 @@ async fn wrong_usage_is_refused_before_anything_is_done() {
     let folder = tempfile::tempdir().unwrap();
     for (arguments, advice) in [
         (&["serve", "--allow-origin", "*"][..], "name the page's origin"),
+        (&["serve", "--allow-origin", "null"], "serve the page"),
+        (&["serve", "--allow-host", "palpate.lan:7257"], "write palpate.lan"),
         (&["serve", "--allow-origin", "localhost:5173"], "write http://localhost:5173"),
         (&["serve", "--log", "banana"], "`banana` is no level"),
         (&["explore", "--server", "https://127.0.0.1:7257"], "does not speak TLS"),
@@ -82,6 +91,19 @@ async fn wrong_usage_is_refused_before_anything_is_done() {
         assert!(said.contains(advice), "{arguments:?}: {said}");
     }
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[tokio::test]
+async fn a_server_for_the_whole_network_warns_at_its_start() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut child = palpate(folder.path(), &["serve", "--listen", "0.0.0.0:0", "--insecure-open"])
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut log = BufReader::new(child.stderr.take().unwrap()).lines();
+    let first = soon("its first line", log.next_line()).await.unwrap().unwrap();
+    assert!(first.contains("WARN") && first.contains("--insecure-open"), "{first}");
+    soon("its end", child.kill()).await.unwrap();
 }
 
 #[tokio::test]

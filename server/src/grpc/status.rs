@@ -67,7 +67,15 @@ fn add_subject(details: &mut ErrorDetails, error: &Error) {
             set_info(details, error, [("request_id", request_id.clone())]);
         }
         Error::Unimplemented { what } => set_info(details, error, [("what", what.clone())]),
+        Error::HeaderTooLarge { bytes, limit } => {
+            set_info(details, error, [("bytes", bytes.to_string()), ("limit", limit.to_string())]);
+        }
+        Error::Overloaded { limit } => set_info(details, error, [("limit", limit.to_string())]),
         Error::Fields(_)
+        | Error::BodyTooSlow { .. }
+        | Error::HostMissing
+        | Error::HostRefused { .. }
+        | Error::OriginRefused { .. }
         | Error::Draining
         | Error::StoreFull
         | Error::StoreDown { .. }
@@ -83,6 +91,14 @@ fn set_info<const N: usize>(details: &mut ErrorDetails, error: &Error, metadata:
 
 /// A status that arose below the handlers, while a message was read.
 pub(super) fn reading_error(failure: &Status, limit: usize) -> Error {
+    // What was refused while the body came says so itself.
+    let mut cause = std::error::Error::source(failure);
+    while let Some(error) = cause {
+        if let Some(refusal) = error.downcast_ref::<Error>() {
+            return refusal.clone();
+        }
+        cause = error.source();
+    }
     match failure.code() {
         Code::OutOfRange => too_large(limit),
         Code::Internal | Code::InvalidArgument => Error::field("message", failure.message()),

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use axum::Router;
 use axum::response::{IntoResponse, Response};
 use http::HeaderValue;
-use http::header::{CONTENT_LENGTH, CONTENT_TYPE};
+use http::header::{CONTENT_LENGTH, CONTENT_SECURITY_POLICY, CONTENT_TYPE};
 use prost_reflect::DescriptorPool;
 use serde_json::{Value, json};
 use utoipa::OpenApi as _;
@@ -19,6 +19,12 @@ use crate::error::Error;
 
 /// Much larger than the page of the documentation.
 const PAGE_BYTES: usize = 1 << 20;
+
+/// What the page of the documentation needs: its own scripts, and styles and pictures that these make.
+const PAGE_POLICY: HeaderValue = HeaderValue::from_static(
+    "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; \
+     connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+);
 
 /// Where the document starts: what the service is.
 pub(super) fn introduction() -> OpenApi {
@@ -162,8 +168,9 @@ pub(super) fn documentation_page() -> Router {
     Router::from(SwaggerUi::new("/docs").config(config)).layer(axum::middleware::map_response(name_page))
 }
 
-/// Names the page after the service; it comes as "Swagger UI".
-async fn name_page(response: Response) -> Response {
+/// Names the page after the service, as it comes as "Swagger UI", and says what it may load.
+async fn name_page(mut response: Response) -> Response {
+    response.headers_mut().insert(CONTENT_SECURITY_POLICY, PAGE_POLICY);
     let content_type = response.headers().get(CONTENT_TYPE).map(HeaderValue::as_bytes).unwrap_or_default();
     if !content_type.starts_with(b"text/html") {
         return response;

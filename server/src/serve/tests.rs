@@ -360,7 +360,7 @@ async fn one_port_speaks_http_health_and_reflection_too() {
     let folder = tempfile::tempdir().unwrap();
     let server = start(&folder).await;
     let mut plain = TcpStream::connect(server.address).await.unwrap();
-    plain.write_all(b"GET /readyz HTTP/1.1\r\nHost: palpate\r\nConnection: close\r\n\r\n").await.unwrap();
+    plain.write_all(b"GET /readyz HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n").await.unwrap();
     let mut answer = String::new();
     plain.read_to_string(&mut answer).await.unwrap();
     assert!(answer.starts_with("HTTP/1.1 200"), "{answer}");

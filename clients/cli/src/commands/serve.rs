@@ -1,7 +1,5 @@
 //! `palpate serve`: the service on a port, until it is told to stop.
 
-mod origin;
-
 use std::io::ErrorKind;
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::PathBuf;
@@ -13,7 +11,7 @@ use tokio_util::sync::CancellationToken;
 
 use crate::failure::Failure;
 use crate::writable;
-use palpate_server::{ServeOptions, serve};
+use palpate_server::{ServeOptions, parse_host, parse_origin, serve};
 
 /// The exit code of a process that was interrupted: 128 and the number of SIGINT.
 const INTERRUPTED: i32 = 130;
@@ -49,8 +47,14 @@ pub(crate) struct Args {
     /// A web origin whose pages may call this server, such as `https://lab.example`; several are comma separated,
     /// or each has its own flag.
     #[arg(long = "allow-origin", env = "PALPATE_ALLOW_ORIGIN", value_name = "ORIGIN", value_delimiter = ',')]
-    #[arg(value_parser = origin::parse)]
+    #[arg(value_parser = parse_origin)]
     allowed_origins: Vec<HeaderValue>,
+
+    /// A name that this server is called by, such as `palpate.lan`; the names of the loopback always count. On a
+    /// loopback address no other name is taken; elsewhere any is, unless some are given.
+    #[arg(long = "allow-host", env = "PALPATE_ALLOW_HOST", value_name = "HOST", value_delimiter = ',')]
+    #[arg(value_parser = parse_host)]
+    allowed_hosts: Vec<String>,
 }
 
 /// An address, or the first address of a name such as `localhost`.
@@ -61,13 +65,16 @@ fn resolve(text: &str) -> Result<SocketAddr, String> {
 
 /// Serves until a signal says stop.
 pub(crate) async fn run(args: Args) -> Result<(), Failure> {
-    let Args { listen, database, insecure_open, allowed_origins } = args;
+    let Args { listen, database, insecure_open, allowed_origins, allowed_hosts } = args;
     refuse_open_network(listen, insecure_open)?;
     writable::check("--database", &database)?;
     let listener = TcpListener::bind(listen).await.map_err(|error| explain_bind(listen, &error))?;
+    if !listen.ip().is_loopback() {
+        tracing::warn!(%listen, "--insecure-open: whoever reaches this port can read and change every session");
+    }
     let shutdown = CancellationToken::new();
     tokio::spawn(cancel_on_signal(shutdown.clone()));
-    let options = ServeOptions { database, allowed_origins, ..ServeOptions::default() };
+    let options = ServeOptions { database, allowed_origins, allowed_hosts, ..ServeOptions::default() };
     // It says itself where it listens, once the database is open.
     serve(listener, options, shutdown).await?;
     tracing::info!("stopped");

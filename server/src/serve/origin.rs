@@ -1,9 +1,13 @@
-//! A web origin as a browser sends it, so that what is allowed can match.
+//! Web origins and names of hosts as they come in headers, so that what is allowed can match.
 
+use http::uri::Authority;
 use http::{HeaderValue, Uri};
 
-/// Reads scheme, host and port; whatever a browser would never send is refused, with what to write instead.
-pub(super) fn parse(text: &str) -> Result<HeaderValue, String> {
+/// Reads an origin: scheme, host and port.
+///
+/// # Errors
+/// Whatever a browser would never send, with what to write instead.
+pub fn parse_origin(text: &str) -> Result<HeaderValue, String> {
     match text {
         "*" => {
             return Err("would let every page of the web call; name the page's origin, such as \
@@ -41,6 +45,24 @@ pub(super) fn parse(text: &str) -> Result<HeaderValue, String> {
     }
 }
 
+/// Reads a name that the server is called by: a host without its port.
+///
+/// # Errors
+/// Whatever is no such name, with what to write instead.
+pub fn parse_host(text: &str) -> Result<String, String> {
+    let Ok(authority) = text.parse::<Authority>() else {
+        return Err("is no host: write a name or an address, such as palpate.lan".to_owned());
+    };
+    let host = authority.host();
+    if text.contains(['@', '*']) {
+        return Err("is no host: write one name or address, such as palpate.lan".to_owned());
+    }
+    if host != text {
+        return Err(format!("has a port, and any port will do: write {host}"));
+    }
+    Ok(host.trim_end_matches('.').to_ascii_lowercase())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -53,7 +75,7 @@ mod tests {
             ("http://[::1]:8080", "http://[::1]:8080"),
             ("tauri://localhost", "tauri://localhost"),
         ] {
-            assert_eq!(parse(typed).unwrap(), sent);
+            assert_eq!(parse_origin(typed).unwrap(), sent);
         }
     }
 
@@ -71,8 +93,24 @@ mod tests {
             ("http://", "is no origin"),
             ("http://two words", "is no origin"),
         ] {
-            let refusal = parse(typed).unwrap_err();
+            let refusal = parse_origin(typed).unwrap_err();
             assert!(refusal.ends_with(advice) || refusal.contains(advice), "{typed}: {refusal}");
+        }
+    }
+
+    #[test]
+    fn a_host_is_a_name_without_a_port() {
+        assert_eq!(parse_host("Palpate.LAN").unwrap(), "palpate.lan");
+        assert_eq!(parse_host("[::2]").unwrap(), "[::2]");
+        for (typed, advice) in [
+            ("palpate.lan:7257", "write palpate.lan"),
+            ("*", "is no host"),
+            ("http://palpate.lan", "is no host"),
+            ("me@palpate.lan", "is no host"),
+            ("", "is no host"),
+        ] {
+            let refusal = parse_host(typed).unwrap_err();
+            assert!(refusal.contains(advice), "{typed}: {refusal}");
         }
     }
 }
