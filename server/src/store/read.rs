@@ -125,13 +125,11 @@ impl Store {
         );
         query.push_bind(session_id).push(" and seq > ").push_bind(after);
         query.push(" order by seq limit ").push_bind(count);
-        query.push("), summed as (select seq, sum(size) over (order by seq) as total from sized) select ");
-        query.push(EVENT_COLUMNS).push(" from events where session_id = ").push_bind(session_id);
-        query.push(" and seq > ").push_bind(after);
-        query.push(" and seq <= (select coalesce(max(case when total <= ");
+        query.push("), summed as (select sum(size) over (order by seq) as total from sized) ");
+        query.push("select count(*) from summed where total <= ");
         query.push_bind(i64::try_from(bytes).unwrap_or(i64::MAX));
-        query.push(" then seq end), min(seq)) from summed) order by seq");
-        Ok(query.build_query_as().fetch_all(&self.readers).await?)
+        let fitting: i64 = query.build_query_scalar().fetch_one(&self.readers).await?;
+        self.events(session_id, after, fitting.max(1)).await
     }
 
     /// The reply to the first request under this id, if there was one.
