@@ -49,8 +49,8 @@ impl Api {
         let not_found = || Error::SessionNotFound { session_id: session_id.clone() };
         let (mut events, mut last, mut bytes) = (Vec::new(), after, 0);
         while events.len() < count as usize && last < head && bytes < self.limits.message_bytes {
-            let chunk = CHUNK.min(count - events.len() as u32);
-            let read = store.events_within(session_id, last, chunk.into(), self.limits.read_bytes).await;
+            let chunk = i64::from(CHUNK.min(count - events.len() as u32)).min(head - last);
+            let read = store.events_within(session_id, last, chunk, self.limits.read_bytes).await;
             let rows = match read {
                 // What is sound is told; the next page says what is wrong.
                 Err(StoreError::Damaged(_)) if !events.is_empty() => break,

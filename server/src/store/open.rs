@@ -37,6 +37,8 @@ const SQLITE_NOTADB: i64 = 26;
 /// How often the file is tried, and the wait in between, before the failure is reported.
 const ATTEMPTS: u32 = 5;
 const RETRY_AFTER: Duration = Duration::from_millis(50);
+/// How long another server may take to let the file go.
+const WAIT_FOR_LOCK: Duration = Duration::from_secs(2);
 
 /// Why the log cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -161,7 +163,7 @@ pub(super) async fn open(database: &Path) -> Result<Opened, OpenError> {
     if database.is_dir() {
         return Err(failed(sqlx::Error::Io(std::io::ErrorKind::IsADirectory.into())));
     }
-    let witness = Witness::open(database).map_err(|error| failed(error.into()))?;
+    let witness = held(database).await.map_err(|error| failed(error.into()))?;
     let witness = Arc::new(witness.ok_or_else(|| OpenError::InUse { path: database.into() })?);
     let opened = open_held(database, &witness).await;
     if opened.is_err() {
@@ -174,6 +176,18 @@ pub(super) async fn open(database: &Path) -> Result<Opened, OpenError> {
 #[cfg(test)]
 pub(super) async fn open_beside(database: &Path) -> Result<Opened, OpenError> {
     open_held(database, &Arc::new(Witness::beside(database))).await
+}
+
+/// The witness with its lock. A server that is about to end is waited for, but not one that goes on.
+async fn held(database: &Path) -> std::io::Result<Option<Witness>> {
+    let end = tokio::time::Instant::now() + WAIT_FOR_LOCK;
+    loop {
+        let witness = Witness::open(database)?;
+        if witness.is_some() || tokio::time::Instant::now() >= end {
+            return Ok(witness);
+        }
+        tokio::time::sleep(RETRY_AFTER).await;
+    }
 }
 
 async fn open_held(database: &Path, witness: &Arc<Witness>) -> Result<Opened, OpenError> {

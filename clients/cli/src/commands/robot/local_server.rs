@@ -5,7 +5,7 @@ use std::path::Path;
 use palpate_client::Client;
 use tokio::net::TcpListener;
 use tokio::task::JoinHandle;
-use tokio_util::sync::CancellationToken;
+use tokio_util::sync::{CancellationToken, DropGuard};
 
 use crate::failure::Failure;
 use palpate_server::{ServeError, ServeOptions, serve};
@@ -15,7 +15,8 @@ use palpate_server::{ServeError, ServeOptions, serve};
 pub(in crate::commands) struct LocalServer {
     /// Where it is reached.
     pub(in crate::commands) url: String,
-    shutdown: CancellationToken,
+    /// Ends it, at the latest when this is dropped: its database is then free for another one.
+    shutdown: DropGuard,
     task: JoinHandle<Result<(), ServeError>>,
 }
 
@@ -28,7 +29,7 @@ impl LocalServer {
         let options = ServeOptions { database: database.to_owned(), ..ServeOptions::default() };
         let task = tokio::spawn(serve(listener, options, shutdown.clone()));
         match Client::connect(&url).await {
-            Ok(client) => Ok((Self { url, shutdown, task }, client)),
+            Ok(client) => Ok((Self { url, shutdown: shutdown.drop_guard(), task }, client)),
             Err(error) => {
                 // A server that could not start says more than the connection it did not answer.
                 shutdown.cancel();
@@ -40,7 +41,7 @@ impl LocalServer {
 
     /// Stops gracefully: everything acknowledged is in the database.
     pub(in crate::commands) async fn stop(self) -> Result<(), Failure> {
-        self.shutdown.cancel();
+        drop(self.shutdown);
         Ok(self.task.await??)
     }
 }
