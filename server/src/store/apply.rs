@@ -143,9 +143,8 @@ async fn insert_event(
     .bind(append_us)
     .bind(actor)
     .bind(head.link.as_slice())
-    .execute(&mut *connection)
+    .execute(connection)
     .await?;
-    sqlx::query("update log set appended = appended + 1").execute(connection).await?;
     Ok(())
 }
 

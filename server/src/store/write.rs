@@ -18,7 +18,7 @@ use super::open::{self, Opened};
 use super::witness::Testimony;
 use super::{StoreError, apply};
 
-/// A commit this long ago still says that the log can be written.
+/// A commit, and a measure of the database's size, this long ago still says how things are.
 const FRESH: Duration = Duration::from_secs(1);
 /// What is written to see whether there is room, in bytes.
 const ROOM: i64 = 65_536;
@@ -36,6 +36,8 @@ pub(super) struct Writer {
     /// Bytes that all sessions may take together.
     most_bytes: u64,
     last_commit: Option<Instant>,
+    /// When it was last measured how many bytes the database holds, and how many they were.
+    measured: Option<(Instant, u64)>,
     disk_was_full: bool,
     /// After a failure nothing is known of what the engine still holds: it is opened anew.
     is_stale: bool,
@@ -43,7 +45,7 @@ pub(super) struct Writer {
 
 impl Writer {
     pub(super) fn new(opened: Opened, most_bytes: u64) -> Self {
-        Self { opened, most_bytes, last_commit: None, disk_was_full: false, is_stale: false }
+        Self { opened, most_bytes, last_commit: None, measured: None, disk_was_full: false, is_stale: false }
     }
 
     /// Serves the queue until it is closed or its last sender is gone.
@@ -96,9 +98,7 @@ impl Writer {
         self.disk_was_full = false;
         // What was committed into a deleted file is gone with the process.
         self.check_files()?;
-        let added =
-            jobs.iter().zip(&outcomes).filter(|(job, outcome)| job.change.appends() && outcome.is_ok());
-        let added = added.count() as i64;
+        let added = appended(jobs, &outcomes);
         if added > 0 {
             self.opened.appended += added;
             self.testify().await;
@@ -119,8 +119,10 @@ impl Writer {
                 .await?;
             execute(connection, "drop table room").await?;
         }
-        let grows = jobs.iter().any(|job| job.change.appends());
-        let is_over = grows && apply::bytes_used(connection).await? >= self.most_bytes;
+        if self.measured.is_none_or(|(at, _)| at.elapsed() > FRESH) {
+            self.measured = Some((Instant::now(), apply::bytes_used(connection).await?));
+        }
+        let is_over = self.measured.is_some_and(|(_, bytes)| bytes >= self.most_bytes);
         let mut outcomes = Vec::with_capacity(jobs.len());
         for job in jobs {
             if is_over && job.change.appends() {
@@ -138,6 +140,11 @@ impl Writer {
             }
             execute(connection, "release change").await?;
             outcomes.push(outcome);
+        }
+        let added = appended(jobs, &outcomes);
+        if added > 0 {
+            let query = sqlx::query("update log set appended = appended + $1");
+            query.bind(added).execute(&mut *connection).await?;
         }
         execute(connection, "commit").await?;
         Ok(outcomes)
@@ -157,6 +164,12 @@ impl Writer {
             tracing::warn!(%error, path = %self.opened.witness.path().display(), "the witness was not written");
         }
     }
+}
+
+/// How many events were added to the log.
+fn appended(jobs: &[Job], outcomes: &[Result<(), StoreError>]) -> i64 {
+    let added = jobs.iter().zip(outcomes).filter(|(job, outcome)| job.change.appends() && outcome.is_ok());
+    added.count() as i64
 }
 
 /// Waits for changes; 0 when there will be no more.
