@@ -32,7 +32,9 @@ pub(crate) fn thin_visual(attractors: &[Attractor], most: usize, means: bool) ->
         point: Point::from(sum / *count),
         ..seen[index]
     };
-    kept.iter().zip(&sums).map(mean).chain(touched).collect()
+    // A sample at the place of another one of its view has no points of its own: it is a repeat.
+    let has_points = |(_, (_, count)): &(&usize, &(Vector, f64))| *count > 0.0;
+    kept.iter().zip(&sums).filter(has_points).map(mean).chain(touched).collect()
 }
 
 #[cfg(test)]
@@ -55,6 +57,18 @@ mod tests {
         assert_eq!((kept.len(), places.len()), (7, 5));
         assert!(places.windows(2).all(|pair| pair[1] - pair[0] > 0.1), "{places:?}");
         assert!(places[0] < 0.2 && places[4] > 0.8, "{places:?}");
+    }
+
+    #[test]
+    fn points_that_were_seen_again_and_again_are_kept_once() {
+        let attractors: Vec<_> = (0..60).map(|k| at(0.01 * f64::from(k % 3), Sense::Vision)).collect();
+        let mut places: Vec<f64> = thin_visual(&attractors, 5, true).iter().map(|a| a.point.x).collect();
+        places.sort_by(f64::total_cmp);
+        assert_eq!(places.len(), 3);
+        assert!(
+            places.iter().zip([0.0, 0.01, 0.02]).all(|(place, x)| (place - x).abs() < 1e-12),
+            "{places:?}"
+        );
     }
 
     #[test]

@@ -130,3 +130,22 @@ fn the_same_point_and_a_line_and_a_plane_of_touches_give_a_sound_surface() {
         assert_sound(&state);
     }
 }
+
+#[test]
+fn a_view_of_five_points_shown_again_and_again_gives_a_sound_surface() {
+    let square = [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.1, 0.1, 0.0], [0.05, 0.05, 0.02]];
+    let line = [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.2, 0.0, 0.0], [0.3, 0.0, 0.0], [0.0, 0.001, 0.0]];
+    for points in [square, line] {
+        for method in METHODS {
+            let points: Vec<Point> = points.iter().map(|xyz| Point::from(*xyz)).collect();
+            for viewpoint in [None, Some(Point::new(0.05, 0.05, 0.6))] {
+                let seen = Evidence::VisualPrior(VisualPrior::new(points.clone(), None, viewpoint).unwrap());
+                let mut state = Reconstruction::new(Config::new(of(method)).unwrap());
+                for _ in 0..40 {
+                    state = state.absorb(&seen).unwrap().0;
+                }
+                assert_sound(&state);
+            }
+        }
+    }
+}
