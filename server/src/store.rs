@@ -10,6 +10,7 @@
 
 mod apply;
 mod change;
+mod checks;
 mod files;
 mod link;
 mod linking;

@@ -308,7 +308,7 @@ async fn what_is_written_into_a_deleted_file_is_not_acknowledged() {
 #[tokio::test]
 async fn a_database_of_an_earlier_version_opens_is_linked_and_goes_on() {
     // Made by the version before the links: two sessions, each with a view and six attempts, one with a lease.
-    let old = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/log_v1.db");
+    let old = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/log_v1.sqlite");
     let server = Server::over_copy_of(&old).await;
     for transport in Transport::BOTH {
         let caller = server.caller(transport);

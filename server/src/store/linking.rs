@@ -1,24 +1,9 @@
 //! Links a log of an earlier version: SQLite could not compute the hashes in its migration.
 
-use sqlx::{Connection, FromRow, SqliteConnection};
+use sqlx::{Connection, FromRow, QueryBuilder, Sqlite, SqliteConnection};
 
-use super::link::{self, Content, Link, Sealed};
-
-/// An event without its link.
-#[derive(FromRow)]
-struct Unlinked {
-    seq: i64,
-    request_id: Option<String>,
-    request_digest: Vec<u8>,
-    kind: String,
-    payload: Vec<u8>,
-    reply: Vec<u8>,
-    state_hash: String,
-    stats_after: Vec<u8>,
-    algorithm_version: String,
-    append_us: i64,
-    actor: String,
-}
+use super::link::{self, Sealed};
+use super::read::{EVENT_COLUMNS, EventRow};
 
 /// A session without its link.
 #[derive(FromRow)]
@@ -53,15 +38,12 @@ async fn link_session(connection: &mut SqliteConnection, session: &Session) -> R
     let mut before = link::first(session_id);
     let mut last = 0;
     loop {
-        let query = sqlx::query_as(
-            "select seq, request_id, request_digest, kind, payload, reply, state_hash, stats_after,
-                    algorithm_version, append_us, actor
-             from events where session_id = $1 and seq > $2 order by seq limit 1",
-        );
-        let event: Option<Unlinked> =
-            query.bind(session_id).bind(last).fetch_optional(&mut *connection).await?;
+        let mut query = QueryBuilder::<Sqlite>::new("select ");
+        query.push(EVENT_COLUMNS).push(" where e.session_id = ").push_bind(session_id);
+        query.push(" and e.seq > ").push_bind(last).push(" order by e.seq limit 1");
+        let event: Option<EventRow> = query.build_query_as().fetch_optional(&mut *connection).await?;
         let Some(event) = event else { break };
-        before = event.link(&before);
+        before = link::next(&before, &event.content());
         last = event.seq;
         sqlx::query("update events set link = $1 where session_id = $2 and seq = $3")
             .bind(before.as_slice())
@@ -79,38 +61,4 @@ async fn link_session(connection: &mut SqliteConnection, session: &Session) -> R
         .execute(connection)
         .await?;
     Ok(())
-}
-
-impl Unlinked {
-    fn link(&self, before: &Link) -> Link {
-        let Self {
-            seq,
-            request_id,
-            request_digest,
-            kind,
-            payload,
-            reply,
-            state_hash,
-            stats_after,
-            algorithm_version,
-            append_us,
-            actor,
-        } = self;
-        link::next(
-            before,
-            &Content {
-                seq: *seq,
-                request_id: request_id.as_deref(),
-                request_digest,
-                kind,
-                payload,
-                reply,
-                state_hash,
-                stats_after,
-                algorithm_version,
-                append_us: *append_us,
-                actor,
-            },
-        )
-    }
 }

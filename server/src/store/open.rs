@@ -4,7 +4,6 @@
 //! lock --> tables brought up to date --> pages and tables as they should be? --> old events linked --> witness heard
 //! ```
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
@@ -15,13 +14,11 @@ use sqlx::{ConnectOptions, SqliteConnection, SqlitePool};
 use uuid::Uuid;
 
 use super::files::{self, OpenedFiles};
-use super::linking;
 use super::witness::{Testimony, Witness};
+use super::{checks, linking};
 
 static MIGRATIONS: Migrator = sqlx::migrate!("../migrations");
 
-/// Before this release a WAL file could be corrupted by a checkpoint.
-const OLDEST_SQLITE: [u32; 3] = [3, 51, 3];
 const READERS: u32 = 4;
 /// Another process may hold the file for the time of one of its commits.
 const BUSY_TIMEOUT: Duration = Duration::from_secs(5);
@@ -86,7 +83,7 @@ pub enum OpenError {
         what: String,
     },
     /// The engine is one that may lose data.
-    #[error("SQLite {found} may corrupt its log of changes: {}.{}.{} or newer is needed", OLDEST_SQLITE[0], OLDEST_SQLITE[1], OLDEST_SQLITE[2])]
+    #[error("SQLite {found} may corrupt its log of changes: {}.{}.{} or newer is needed", checks::OLDEST_SQLITE[0], checks::OLDEST_SQLITE[1], checks::OLDEST_SQLITE[2])]
     OldSqlite {
         /// The engine's version.
         found: String,
@@ -194,8 +191,8 @@ async fn open_held(database: &Path, witness: &Arc<Witness>) -> Result<Opened, Op
     let failed = |source| OpenError::Open { path: database.into(), source };
     files::create_private(database).map_err(|error| failed(error.into()))?;
     let mut connection = writer(database).await?;
-    check_pages(&mut connection, database).await?;
-    check_tables(&mut connection, database).await?;
+    checks::pages(&mut connection, database).await?;
+    checks::tables(&mut connection, &MIGRATIONS, database).await?;
     linking::link_all(&mut connection).await?;
     // Something is written, so that the log of changes is there.
     sqlx::query(
@@ -256,41 +253,6 @@ pub(super) async fn reopened(database: &Path) -> Result<(SqliteConnection, i64),
     Ok((connection, appended))
 }
 
-async fn check_pages(connection: &mut SqliteConnection, database: &Path) -> Result<(), OpenError> {
-    let found: Result<String, _> = sqlx::query_scalar("pragma quick_check(1)").fetch_one(connection).await;
-    let found = match found {
-        Ok(found) if found == "ok" => return Ok(()),
-        Ok(found) => found,
-        Err(error) if primary_code(&error) == Some(SQLITE_CORRUPT) => error.to_string(),
-        Err(error) => return Err(error.into()),
-    };
-    Err(OpenError::Damaged { path: database.into(), found })
-}
-
-/// The statements that made the tables, indices and triggers, by their names.
-async fn made_by(connection: &mut SqliteConnection) -> Result<BTreeMap<String, String>, sqlx::Error> {
-    let query =
-        "select name, sql from sqlite_schema where sql is not null and name not like '\\_sqlx%' escape '\\'";
-    let rows: Vec<(String, String)> = sqlx::query_as(query).fetch_all(connection).await?;
-    Ok(rows.into_iter().collect())
-}
-
-/// Compares the tables with those of a new log; others may be there, too.
-async fn check_tables(connection: &mut SqliteConnection, database: &Path) -> Result<(), OpenError> {
-    let options = SqliteConnectOptions::new().in_memory(true);
-    let new = SqlitePoolOptions::new().max_connections(1).connect_with(options).await?;
-    MIGRATIONS.run(&new).await?;
-    let wanted = made_by(&mut *new.acquire().await?).await?;
-    let found = made_by(connection).await?;
-    match wanted.iter().find(|(name, sql)| found.get(*name) != Some(sql)) {
-        None => Ok(()),
-        Some((name, _)) => {
-            let is_there = if found.contains_key(name) { "is another" } else { "is missing" };
-            Err(OpenError::Schema { path: database.into(), what: format!("{name:?} {is_there}") })
-        }
-    }
-}
-
 /// The one connection that writes, with migrations run and guarantees checked.
 ///
 /// Nothing keeps two programs from making the tables of a new file at once: the one that comes second fails on what
@@ -314,8 +276,8 @@ async fn try_writer(database: &Path) -> Result<SqliteConnection, OpenError> {
     let opened = SqlitePoolOptions::new().max_connections(1).connect_with(options).await;
     let pool = opened.map_err(|source| OpenError::Open { path: database.into(), source })?;
     let mut connection = pool.acquire().await?;
-    check_version(&mut connection).await?;
-    check_settings(&mut connection).await?;
+    checks::version(&mut connection).await?;
+    checks::settings(&mut connection).await?;
     drop(connection);
     MIGRATIONS.run(&pool).await.map_err(|error| match error {
         // Whether a file may be written shows at the first write.
@@ -336,46 +298,9 @@ fn options(database: &Path) -> SqliteConnectOptions {
     SqliteConnectOptions::new().filename(database).foreign_keys(true).busy_timeout(BUSY_TIMEOUT)
 }
 
-async fn check_version(connection: &mut SqliteConnection) -> Result<(), OpenError> {
-    let found: String = sqlx::query_scalar("select sqlite_version()").fetch_one(connection).await?;
-    if is_new_enough(&found) { Ok(()) } else { Err(OpenError::OldSqlite { found }) }
-}
-
-fn is_new_enough(version: &str) -> bool {
-    let parts: Vec<u32> = version.split('.').map_while(|part| part.parse().ok()).collect();
-    parts.as_slice() >= OLDEST_SQLITE.as_slice()
-}
-
-async fn check_settings(connection: &mut SqliteConnection) -> Result<(), OpenError> {
-    let found: String = sqlx::query_scalar("pragma journal_mode").fetch_one(&mut *connection).await?;
-    if found != "wal" {
-        return Err(OpenError::Setting { setting: "journal_mode", found, needed: "wal" });
-    }
-    for (setting, query, needed) in [
-        ("synchronous", "pragma synchronous", "2"), // 2 is full
-        ("foreign_keys", "pragma foreign_keys", "1"),
-    ] {
-        let found: i64 = sqlx::query_scalar(query).fetch_one(&mut *connection).await?;
-        if found.to_string() != needed {
-            return Err(OpenError::Setting { setting, found: found.to_string(), needed });
-        }
-    }
-    Ok(())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn versions_are_compared_as_numbers() {
-        assert!(is_new_enough("3.51.3"));
-        assert!(is_new_enough("3.100.0"));
-        assert!(is_new_enough("4.0"));
-        assert!(!is_new_enough("3.51.2"));
-        assert!(!is_new_enough("3.9.99"));
-        assert!(!is_new_enough("unknown"));
-    }
 
     #[tokio::test]
     async fn several_programs_may_make_the_tables_at_once() {

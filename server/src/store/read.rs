@@ -84,8 +84,8 @@ impl EventRow {
         (self.payload.len() + self.reply.len() + self.stats_after.len()) as u64
     }
 
-    /// Whether the event says what it said when it was appended, after the event that was there then.
-    fn is_sound(&self, session_id: &str) -> bool {
+    /// What its link covers.
+    pub(super) fn content(&self) -> Content<'_> {
         let Self {
             seq,
             request_id,
@@ -98,18 +98,10 @@ impl EventRow {
             algorithm_version,
             append_us,
             actor,
-            link,
-            link_before,
+            link: _,
+            link_before: _,
         } = self;
-        let before = match (seq, link_before.as_deref()) {
-            (1, None) => link::first(session_id),
-            (_, Some(before)) => match before.try_into() {
-                Ok(before) => before,
-                Err(_) => return false,
-            },
-            (_, None) => return false,
-        };
-        let content = Content {
+        Content {
             seq: *seq,
             request_id: request_id.as_deref(),
             request_digest,
@@ -121,8 +113,20 @@ impl EventRow {
             algorithm_version,
             append_us: *append_us,
             actor,
+        }
+    }
+
+    /// Whether the event says what it said when it was appended, after the event that was there then.
+    fn is_sound(&self, session_id: &str) -> bool {
+        let before = match (self.seq, self.link_before.as_deref()) {
+            (1, None) => link::first(session_id),
+            (_, Some(before)) => match before.try_into() {
+                Ok(before) => before,
+                Err(_) => return false,
+            },
+            (_, None) => return false,
         };
-        link.as_deref() == Some(link::next(&before, &content).as_slice())
+        self.link.as_deref() == Some(link::next(&before, &self.content()).as_slice())
     }
 }
 
@@ -157,7 +161,7 @@ const READ_BYTES: usize = 16 << 20;
 
 const SESSION_COLUMNS: &str =
     "session_id, created_us, head, state, summary, link, seal, damage, sound from sessions";
-const EVENT_COLUMNS: &str = "e.seq, e.request_id, e.request_digest, e.kind, e.payload, e.reply, e.state_hash, \
+pub(super) const EVENT_COLUMNS: &str = "e.seq, e.request_id, e.request_digest, e.kind, e.payload, e.reply, e.state_hash, \
     e.stats_after, e.algorithm_version, e.append_us, e.actor, e.link, before.link as link_before \
     from events e left join events before on before.session_id = e.session_id and before.seq = e.seq - 1";
 
