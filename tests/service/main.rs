@@ -28,6 +28,7 @@ mod harness;
 mod hostile_numbers;
 mod hostile_texts;
 mod http_only;
+mod kills;
 mod leases;
 mod lifecycle;
 mod limits;

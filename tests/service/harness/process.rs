@@ -60,6 +60,10 @@ impl Process {
         Caller::new(transport, channel_to(self.address), Http::new(self.url()))
     }
 
+    pub(crate) fn http(&self) -> Http {
+        Http::new(self.url())
+    }
+
     /// Kills it as `kill -9` does: it has no chance to save anything.
     pub(crate) async fn kill(mut self) {
         soon("the process dies", self.child.kill()).await.unwrap();
