@@ -340,14 +340,15 @@ impl Store {
             (last, link) = (newest.seq, newest.own_link());
             bytes += rows.iter().map(EventRow::bytes).sum::<u64>();
         }
-        Ok(match row.disagreement(last, &link) {
-            None => Ok(bytes),
-            Some(reason) => {
-                let damage = Damage { session_id: row.session_id.clone(), sound: last, reason };
-                self.set_aside(damage.clone());
-                Err(damage)
-            }
-        })
+        let Some(reason) = row.disagreement(last, &link) else { return Ok(Ok(bytes)) };
+        // A session that was deleted or went on meanwhile is not damaged.
+        let now = self.session(&row.session_id).await?;
+        if now.is_none_or(|now| (now.created_us, now.head) != (row.created_us, row.head)) {
+            return Ok(Ok(bytes));
+        }
+        let damage = Damage { session_id: row.session_id.clone(), sound: last, reason };
+        self.set_aside(damage.clone());
+        Ok(Err(damage))
     }
 
     /// The session that a creation made under this request id, if there was one; it may be deleted by now.
