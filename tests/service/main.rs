@@ -18,6 +18,7 @@ mod crash;
 mod damage;
 mod deletion;
 mod depth;
+mod disk;
 mod door;
 mod doubts;
 mod encodings;

@@ -154,7 +154,8 @@ impl Watcher {
         Ok(snapshots)
     }
 
-    /// Sends what the log has beyond the last event sent.
+    /// Sends what the log has beyond the last event sent, up to the newest state: what is in the log and not
+    /// acknowledged yet is no news.
     async fn send_new_events(
         &mut self,
         snapshots: &watch::Receiver<Arc<Snapshot>>,
@@ -162,7 +163,11 @@ impl Watcher {
         let read_bytes = self.api.limits.read_bytes;
         loop {
             let store = &self.api.sessions.store;
-            let rows = store.events_within(&self.session_id, self.sent, PAGE, read_bytes).await?;
+            let unsent = snapshots.borrow().revision - self.sent;
+            if unsent <= 0 {
+                return Ok(Ok(()));
+            }
+            let rows = store.events_within(&self.session_id, self.sent, PAGE.min(unsent), read_bytes).await?;
             if rows.is_empty() {
                 return Ok(Ok(()));
             }

@@ -21,13 +21,19 @@ pub(crate) struct Process {
 impl Process {
     /// Starts the program on a free port and waits until its log says which.
     pub(crate) async fn serve(database: &Path) -> Self {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_palpate-under-test"))
+        Self::serve_with(database, |_| {}).await
+    }
+
+    /// The same with more for the program, such as its environment.
+    pub(crate) async fn serve_with(database: &Path, more: impl FnOnce(&mut Command)) -> Self {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_palpate-under-test"));
+        command
             .args(["--log-format", "json", "--log", "info", "serve", "--listen", "127.0.0.1:0", "--database"])
             .arg(database)
             .stderr(Stdio::piped())
-            .kill_on_drop(true)
-            .spawn()
-            .unwrap();
+            .kill_on_drop(true);
+        more(&mut command);
+        let mut child = command.spawn().unwrap();
         let mut log = BufReader::new(child.stderr.take().unwrap()).lines();
         let address = loop {
             let line = soon("the server's log", log.next_line()).await.unwrap().expect("the server starts");

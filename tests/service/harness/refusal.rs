@@ -82,6 +82,7 @@ fn statuses(reason: &str) -> (Code, u16) {
         "BODY_TIMEOUT" => (Code::DeadlineExceeded, 408),
         "HOST_MISSING" => (Code::InvalidArgument, 400),
         "HOST_REFUSED" | "ORIGIN_REFUSED" => (Code::PermissionDenied, 403),
+        "STORE_FULL" => (Code::ResourceExhausted, 507),
         "DRAINING" => (Code::Unavailable, 503),
         "STORE_DOWN" => (Code::Unavailable, 503),
         "UNIMPLEMENTED" => (Code::Unimplemented, 501),
