@@ -32,7 +32,7 @@ use tracing::Instrument;
 use crate::compute::{Pool, Queue};
 use crate::error::Error;
 use crate::limits::Limits;
-use crate::store::{Damage, Link, NewEvent, SessionHead, Store, StoreError};
+use crate::store::{Damage, Event, Link, SessionHead, Store, StoreError};
 pub(crate) use aggregate::{Aggregate, Computed, Created, Decision, Fold, FoldError, StoredEvent};
 use live::{Head, Live, LiveSessions, Replayed};
 use past::PastStates;
@@ -316,20 +316,20 @@ fn recorded<S: Aggregate>(
     (kind, payload): StoredEvent,
     actor: &str,
     before: &Link,
-) -> (S, SessionHead, NewEvent) {
+) -> (S, SessionHead, Event) {
     let Computed { after, state, summary, reply, stats_after, state_hash, append_us } = computed;
     let (session_id, created_us) = after.identity();
     let (session_id, created_us) = (session_id.to_owned(), created_us);
-    let event = NewEvent {
+    let event = Event {
         seq: after.revision(),
         request_id: (!request.id.is_empty()).then(|| request.id.clone()),
         request_digest: request.digest.clone(),
-        kind,
+        kind: kind.to_owned(),
         payload,
         reply,
         state_hash,
         stats_after,
-        algorithm_version: S::ALGORITHM_VERSION,
+        algorithm_version: S::ALGORITHM_VERSION.to_owned(),
         append_us,
         actor: actor.to_owned(),
     };

@@ -11,6 +11,7 @@
 mod apply;
 mod change;
 mod checks;
+mod event;
 mod files;
 mod link;
 mod linking;
@@ -28,11 +29,12 @@ use tokio_util::sync::CancellationToken;
 use crate::limits::Limits;
 
 use change::Change;
-pub(crate) use change::{Damage, Deletion, NewEvent, NewSession, SessionHead};
+pub(crate) use change::{Damage, Deletion, NewSession, SessionHead};
+pub(crate) use event::Event;
 pub(crate) use link::{Link, first as first_link};
 pub use open::OpenError;
 use open::Opened;
-pub(crate) use read::{EventRow, Filter, PageEnd, SessionRow, StateFilter};
+pub(crate) use read::{Filter, PageEnd, SessionRow, StateFilter};
 use write::{Job, Writer};
 
 /// Why an operation on the log failed.
@@ -124,7 +126,7 @@ impl Store {
     ///
     /// # Errors
     /// [`StoreError::Conflict`] when the id is taken, or the request id made another session.
-    pub(crate) async fn create(&self, session: NewSession, event: NewEvent) -> Result<(), StoreError> {
+    pub(crate) async fn create(&self, session: NewSession, event: Event) -> Result<(), StoreError> {
         self.write(Change::Create(Box::new((session, event)))).await
     }
 
@@ -136,7 +138,7 @@ impl Store {
         &self,
         head: SessionHead,
         before: Link,
-        event: NewEvent,
+        event: Event,
     ) -> Result<(), StoreError> {
         self.write(Change::Append(Box::new((head, before, event)))).await
     }

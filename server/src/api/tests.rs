@@ -217,7 +217,7 @@ async fn large_events_are_read_one_by_one_and_small_ones_together() {
     }
     let store = &api.sessions.store;
     let rows = store.events("views", 0, 16).await.unwrap();
-    let size = |row: &crate::store::EventRow| row.payload.len() + row.reply.len();
+    let size = |row: &crate::store::Event| row.payload.len() + row.reply.len();
     let first_two = size(&rows[0]) + size(&rows[1]);
     for (after, count, bytes, expected) in [
         (0, 16, 0, 1..=1),

@@ -21,7 +21,7 @@ use crate::error::Error;
 use crate::limits::Limits;
 use crate::session::Snapshot;
 use crate::sessions::FoldError;
-use crate::store::EventRow;
+use crate::store::Event;
 use crate::wire::{event, to_proto};
 
 /// Events read from the log at once, if they are not large.
@@ -181,7 +181,7 @@ impl Watcher {
 
     async fn send_event(
         &mut self,
-        row: EventRow,
+        row: Event,
         snapshots: &watch::Receiver<Arc<Snapshot>>,
     ) -> Result<Result<(), Gone>, Error> {
         let unreadable = |error: FoldError| Error::internal(error.to_string());

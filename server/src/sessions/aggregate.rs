@@ -4,7 +4,7 @@
 //! bytes nor the state behind the trait are looked into.
 
 use crate::error::Error;
-use crate::store::EventRow;
+use crate::store::Event;
 
 /// The state of one session after one of its events: never changed, shared by readers.
 pub(crate) trait Aggregate: Send + Sync + Sized + 'static {
@@ -31,7 +31,7 @@ pub(crate) trait Aggregate: Send + Sync + Sized + 'static {
 }
 
 /// Makes the state after a stored event, which is the creation where there is no state before.
-pub(crate) type Fold<S> = fn(Option<&S>, &EventRow) -> Result<S, FoldError>;
+pub(crate) type Fold<S> = fn(Option<&S>, &Event) -> Result<S, FoldError>;
 
 /// Why a stored event cannot be applied; for the log.
 #[derive(Debug, thiserror::Error)]

@@ -8,7 +8,7 @@ use super::live::{Head, Live, Replayed};
 use super::{ATTEMPTS, Aggregate, Fold, FoldError, Sessions, contended};
 use crate::compute::Queue;
 use crate::error::Error;
-use crate::store::{Damage, EventRow, SessionRow, StoreError};
+use crate::store::{Damage, Event, SessionRow, StoreError};
 
 /// Events folded in one job, so that a long log does not keep a thread from others.
 const PAGE: i64 = 16;
@@ -165,12 +165,13 @@ fn fold_page<S: Aggregate>(
     fold: Fold<S>,
     session_id: &str,
     mut folded: Folded<S>,
-    page: &[EventRow],
+    page: &[Event],
 ) -> Folded<S> {
     for row in page {
         match fold(folded.state.as_deref(), row).and_then(|next| checked(next, row)) {
             Ok(next) => {
-                folded.head = Head { link: row.own_link(), bytes: folded.head.bytes + row.bytes() };
+                folded.head =
+                    Head { link: row.link(&folded.head.link), bytes: folded.head.bytes + row.bytes() };
                 folded.state = Some(Arc::new(next));
             }
             Err(failure) => {
@@ -185,7 +186,7 @@ fn fold_page<S: Aggregate>(
 }
 
 /// The same state, where it is the one that was recorded; one of another version may differ.
-fn checked<S: Aggregate>(state: S, row: &EventRow) -> Result<S, FoldError> {
+fn checked<S: Aggregate>(state: S, row: &Event) -> Result<S, FoldError> {
     if row.algorithm_version != S::ALGORITHM_VERSION || row.state_hash == state.state_hash() {
         return Ok(state);
     }

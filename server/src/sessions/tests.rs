@@ -13,7 +13,7 @@ use tokio::runtime::Runtime;
 
 use super::*;
 use crate::session::{etag, now_us};
-use crate::store::EventRow;
+use crate::store::Event;
 
 /// The bytes of all events so far, which are thus the state, its hash and every reply.
 #[derive(Clone, Debug)]
@@ -47,7 +47,7 @@ impl Aggregate for Toy {
     }
 }
 
-fn fold(before: Option<&Toy>, row: &EventRow) -> Result<Toy, FoldError> {
+fn fold(before: Option<&Toy>, row: &Event) -> Result<Toy, FoldError> {
     let [id @ .., byte] = row.payload.as_slice() else { panic!("an event has a byte") };
     let created =
         || Toy { id: String::from_utf8_lossy(id).into_owned(), created_us: row.append_us, bytes: Vec::new() };

@@ -3,7 +3,8 @@
 use sqlx::SqliteConnection;
 
 use super::StoreError;
-use super::change::{Change, Damage, Deletion, NewEvent, NewSession, SessionHead};
+use super::change::{Change, Damage, Deletion, NewSession, SessionHead};
+use super::event::Event;
 use super::link::{self, Link, Sealed};
 use crate::session::now_us;
 
@@ -44,7 +45,7 @@ fn seal(head: &SessionHead, seq: i64) -> Link {
 async fn create(
     connection: &mut SqliteConnection,
     session: &NewSession,
-    event: &NewEvent,
+    event: &Event,
 ) -> Result<(), StoreError> {
     let NewSession { head, experiment, labels } = session;
     let SessionHead { session_id, created_us, state, summary, link } = head;
@@ -84,7 +85,7 @@ async fn append(
     connection: &mut SqliteConnection,
     head: &SessionHead,
     before: &Link,
-    event: &NewEvent,
+    event: &Event,
 ) -> Result<(), StoreError> {
     let SessionHead { session_id, created_us, state, summary, link } = head;
     let updated = sqlx::query(
@@ -110,9 +111,9 @@ async fn append(
 async fn insert_event(
     connection: &mut SqliteConnection,
     head: &SessionHead,
-    event: &NewEvent,
+    event: &Event,
 ) -> Result<(), StoreError> {
-    let NewEvent {
+    let Event {
         seq,
         request_id,
         request_digest,

@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use super::link::{self, Content, Link};
+use super::event::Event;
+use super::link::Link;
 
 /// A session as it is created.
 #[derive(Debug)]
@@ -22,60 +23,6 @@ pub(crate) struct SessionHead {
     pub(crate) summary: Vec<u8>,
     /// The link of the event.
     pub(crate) link: Link,
-}
-
-/// An event to append.
-#[derive(Debug)]
-pub(crate) struct NewEvent {
-    pub(crate) seq: i64,
-    pub(crate) request_id: Option<String>,
-    pub(crate) request_digest: Vec<u8>,
-    pub(crate) kind: &'static str,
-    pub(crate) payload: Vec<u8>,
-    pub(crate) reply: Vec<u8>,
-    pub(crate) state_hash: String,
-    pub(crate) stats_after: Vec<u8>,
-    pub(crate) algorithm_version: &'static str,
-    pub(crate) append_us: i64,
-    pub(crate) actor: String,
-}
-
-impl NewEvent {
-    /// Its link after the event with the link `before`.
-    pub(crate) fn link(&self, before: &Link) -> Link {
-        let Self {
-            seq,
-            request_id,
-            request_digest,
-            kind,
-            payload,
-            reply,
-            state_hash,
-            stats_after,
-            algorithm_version,
-            append_us,
-            actor,
-        } = self;
-        let content = Content {
-            seq: *seq,
-            request_id: request_id.as_deref(),
-            request_digest,
-            kind,
-            payload,
-            reply,
-            state_hash,
-            stats_after,
-            algorithm_version,
-            append_us: *append_us,
-            actor,
-        };
-        link::next(before, &content)
-    }
-
-    /// What it takes in the log, roughly, in bytes.
-    pub(crate) fn bytes(&self) -> u64 {
-        (self.payload.len() + self.reply.len() + self.stats_after.len()) as u64
-    }
 }
 
 /// A session to remove.
@@ -101,9 +48,9 @@ pub(crate) struct Damage {
 /// One change of the log.
 #[derive(Debug)]
 pub(super) enum Change {
-    Create(Box<(NewSession, NewEvent)>),
+    Create(Box<(NewSession, Event)>),
     /// Goes after the event with this link.
-    Append(Box<(SessionHead, Link, NewEvent)>),
+    Append(Box<(SessionHead, Link, Event)>),
     Delete(Deletion),
     /// The session is set aside.
     SetAside(Damage),

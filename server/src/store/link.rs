@@ -9,24 +9,10 @@
 
 use sha2::{Digest, Sha256};
 
+use super::event::Event;
+
 /// The hash of an event and of all events before it.
 pub(crate) type Link = [u8; 32];
-
-/// What a link covers of an event.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Content<'a> {
-    pub(super) seq: i64,
-    pub(super) request_id: Option<&'a str>,
-    pub(super) request_digest: &'a [u8],
-    pub(super) kind: &'a str,
-    pub(super) payload: &'a [u8],
-    pub(super) reply: &'a [u8],
-    pub(super) state_hash: &'a str,
-    pub(super) stats_after: &'a [u8],
-    pub(super) algorithm_version: &'a str,
-    pub(super) append_us: i64,
-    pub(super) actor: &'a str,
-}
 
 /// What the first event of a session is linked to: an event does not fit into another session.
 pub(crate) fn first(session_id: &str) -> Link {
@@ -36,8 +22,8 @@ pub(crate) fn first(session_id: &str) -> Link {
 }
 
 /// The link of an event after the event with the link `before`.
-pub(super) fn next(before: &Link, content: &Content<'_>) -> Link {
-    let Content {
+pub(super) fn next(before: &Link, event: &Event) -> Link {
+    let Event {
         seq,
         request_id,
         request_digest,
@@ -49,12 +35,12 @@ pub(super) fn next(before: &Link, content: &Content<'_>) -> Link {
         algorithm_version,
         append_us,
         actor,
-    } = *content;
+    } = event;
     let mut hash = Fields::of("palpate event 1");
     hash.add(before);
     hash.add(&seq.to_le_bytes());
     hash.add(&[u8::from(request_id.is_some())]);
-    hash.add(request_id.unwrap_or_default().as_bytes());
+    hash.add(request_id.as_deref().unwrap_or_default().as_bytes());
     hash.add(request_digest);
     hash.add(kind.as_bytes());
     hash.add(payload);
@@ -115,39 +101,41 @@ impl Fields {
 mod tests {
     use super::*;
 
-    const EVENT: Content<'static> = Content {
-        seq: 2,
-        request_id: Some("r"),
-        request_digest: b"d",
-        kind: "contact_result",
-        payload: b"payload",
-        reply: b"reply",
-        state_hash: "ab",
-        stats_after: b"s",
-        algorithm_version: "1",
-        append_us: 11,
-        actor: "robot",
-    };
+    fn event() -> Event {
+        Event {
+            seq: 2,
+            request_id: Some("r".into()),
+            request_digest: b"d".to_vec(),
+            kind: "contact_result".into(),
+            payload: b"payload".to_vec(),
+            reply: b"reply".to_vec(),
+            state_hash: "ab".into(),
+            stats_after: b"s".to_vec(),
+            algorithm_version: "1".into(),
+            append_us: 11,
+            actor: "robot".into(),
+        }
+    }
 
     #[test]
     fn a_link_depends_on_every_field_on_their_bounds_and_on_what_came_before() {
         let before = first("mug");
-        let link = next(&before, &EVENT);
-        assert_eq!(link, next(&before, &EVENT));
+        let link = next(&before, &event());
+        assert_eq!(link, next(&before, &event()));
         let others = [
-            next(&first("pot"), &EVENT),
-            next(&before, &Content { seq: 3, ..EVENT }),
-            next(&before, &Content { request_id: None, ..EVENT }),
-            next(&before, &Content { request_id: Some(""), ..EVENT }),
-            next(&before, &Content { request_digest: b"e", ..EVENT }),
-            next(&before, &Content { kind: "contact_resul", payload: b"tpayload", ..EVENT }),
-            next(&before, &Content { payload: b"payloae", ..EVENT }),
-            next(&before, &Content { reply: b"", ..EVENT }),
-            next(&before, &Content { state_hash: "ac", ..EVENT }),
-            next(&before, &Content { stats_after: b"t", ..EVENT }),
-            next(&before, &Content { algorithm_version: "2", ..EVENT }),
-            next(&before, &Content { append_us: 12, ..EVENT }),
-            next(&before, &Content { actor: "", ..EVENT }),
+            next(&first("pot"), &event()),
+            next(&before, &Event { seq: 3, ..event() }),
+            next(&before, &Event { request_id: None, ..event() }),
+            next(&before, &Event { request_id: Some(String::new()), ..event() }),
+            next(&before, &Event { request_digest: b"e".to_vec(), ..event() }),
+            next(&before, &Event { kind: "contact_resul".into(), payload: b"tpayload".to_vec(), ..event() }),
+            next(&before, &Event { payload: b"payloae".to_vec(), ..event() }),
+            next(&before, &Event { reply: Vec::new(), ..event() }),
+            next(&before, &Event { state_hash: "ac".into(), ..event() }),
+            next(&before, &Event { stats_after: b"t".to_vec(), ..event() }),
+            next(&before, &Event { algorithm_version: "2".into(), ..event() }),
+            next(&before, &Event { append_us: 12, ..event() }),
+            next(&before, &Event { actor: String::new(), ..event() }),
         ];
         for (number, other) in others.iter().enumerate() {
             assert_ne!(*other, link, "{number}");

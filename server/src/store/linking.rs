@@ -42,8 +42,8 @@ async fn link_session(connection: &mut SqliteConnection, session: &Session) -> R
         query.push(EVENT_COLUMNS).push(" where e.session_id = ").push_bind(session_id);
         query.push(" and e.seq > ").push_bind(last).push(" order by e.seq limit 1");
         let event: Option<EventRow> = query.build_query_as().fetch_optional(&mut *connection).await?;
-        let Some(event) = event else { break };
-        before = link::next(&before, &event.content());
+        let Some(EventRow { event, .. }) = event else { break };
+        before = event.link(&before);
         last = event.seq;
         sqlx::query("update events set link = $1 where session_id = $2 and seq = $3")
             .bind(before.as_slice())

@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use sqlx::{FromRow, QueryBuilder, Sqlite};
 
 use super::change::Damage;
-use super::link::{self, Content, Link, Sealed};
+use super::event::Event;
+use super::link::{self, Link, Sealed};
 use super::{Store, StoreError, open};
 
 /// A session as `sessions` has it.
@@ -53,72 +54,19 @@ impl SessionRow {
     }
 }
 
-/// An event as it was appended.
-#[derive(Clone, Debug, FromRow)]
-pub(crate) struct EventRow {
-    pub(crate) seq: i64,
-    pub(crate) request_id: Option<String>,
-    pub(crate) request_digest: Vec<u8>,
-    pub(crate) kind: String,
-    pub(crate) payload: Vec<u8>,
-    pub(crate) reply: Vec<u8>,
-    pub(crate) state_hash: String,
-    pub(crate) stats_after: Vec<u8>,
-    pub(crate) algorithm_version: String,
-    pub(crate) append_us: i64,
-    pub(crate) actor: String,
-    /// Of this event; checked before the row is handed out.
-    pub(crate) link: Option<Vec<u8>>,
-    /// Of the event before it.
-    pub(crate) link_before: Option<Vec<u8>>,
+/// An event with its link and the one before it.
+#[derive(Debug, FromRow)]
+pub(super) struct EventRow {
+    #[sqlx(flatten)]
+    pub(super) event: Event,
+    link: Option<Vec<u8>>,
+    link_before: Option<Vec<u8>>,
 }
 
 impl EventRow {
-    /// The link of the event, which has one since it was checked.
-    pub(crate) fn own_link(&self) -> Link {
-        self.link.as_deref().and_then(|link| link.try_into().ok()).unwrap_or_default()
-    }
-
-    /// What it takes in the log, roughly, in bytes.
-    pub(crate) fn bytes(&self) -> u64 {
-        (self.payload.len() + self.reply.len() + self.stats_after.len()) as u64
-    }
-
-    /// What its link covers.
-    pub(super) fn content(&self) -> Content<'_> {
-        let Self {
-            seq,
-            request_id,
-            request_digest,
-            kind,
-            payload,
-            reply,
-            state_hash,
-            stats_after,
-            algorithm_version,
-            append_us,
-            actor,
-            link: _,
-            link_before: _,
-        } = self;
-        Content {
-            seq: *seq,
-            request_id: request_id.as_deref(),
-            request_digest,
-            kind,
-            payload,
-            reply,
-            state_hash,
-            stats_after,
-            algorithm_version,
-            append_us: *append_us,
-            actor,
-        }
-    }
-
     /// Whether the event says what it said when it was appended, after the event that was there then.
     fn is_sound(&self, session_id: &str) -> bool {
-        let before = match (self.seq, self.link_before.as_deref()) {
+        let before = match (self.event.seq, self.link_before.as_deref()) {
             (1, None) => link::first(session_id),
             (_, Some(before)) => match before.try_into() {
                 Ok(before) => before,
@@ -126,7 +74,7 @@ impl EventRow {
             },
             (_, None) => return false,
         };
-        self.link.as_deref() == Some(link::next(&before, &self.content()).as_slice())
+        self.link.as_deref() == Some(self.event.link(&before).as_slice())
     }
 }
 
@@ -228,7 +176,7 @@ impl Store {
         session_id: &str,
         after: i64,
         count: i64,
-    ) -> Result<Vec<EventRow>, StoreError> {
+    ) -> Result<Vec<Event>, StoreError> {
         self.events_within(session_id, after, count, READ_BYTES).await
     }
 
@@ -243,7 +191,7 @@ impl Store {
         after: i64,
         count: i64,
         bytes: usize,
-    ) -> Result<Vec<EventRow>, StoreError> {
+    ) -> Result<Vec<Event>, StoreError> {
         let damaged = |reason: String| {
             let damage = Damage { session_id: session_id.to_owned(), sound: after, reason };
             self.set_aside(damage.clone());
@@ -262,20 +210,20 @@ impl Store {
         };
         let expected = |index: usize| after + 1 + index as i64;
         let is_sound =
-            |(index, row): (usize, &EventRow)| row.seq == expected(index) && row.is_sound(session_id);
+            |(index, row): (usize, &EventRow)| row.event.seq == expected(index) && row.is_sound(session_id);
         let sound = rows.iter().enumerate().take_while(|numbered| is_sound(*numbered)).count();
         if sound == 0
             && let Some(first) = rows.first()
         {
             let wanted = after + 1;
-            return Err(damaged(if first.seq == wanted {
+            return Err(damaged(if first.event.seq == wanted {
                 format!("event {wanted} is not as it was appended")
             } else {
                 format!("event {wanted} is missing")
             }));
         }
         rows.truncate(sound);
-        Ok(rows)
+        Ok(rows.into_iter().map(|row| row.event).collect())
     }
 
     async fn rows(
@@ -308,19 +256,19 @@ impl Store {
         &self,
         session_id: &str,
         request_id: &str,
-    ) -> Result<Option<EventRow>, StoreError> {
+    ) -> Result<Option<Event>, StoreError> {
         let mut query = QueryBuilder::<Sqlite>::new("select ");
         query.push(EVENT_COLUMNS).push(" where e.session_id = ").push_bind(session_id);
         query.push(" and e.request_id = ").push_bind(request_id);
         let row: Option<EventRow> = query.build_query_as().fetch_optional(&self.readers).await?;
         match row {
             Some(row) if !row.is_sound(session_id) => {
-                let reason = format!("event {} is not as it was appended", row.seq);
-                let damage = Damage { session_id: session_id.to_owned(), sound: row.seq - 1, reason };
+                let reason = format!("event {} is not as it was appended", row.event.seq);
+                let damage = Damage { session_id: session_id.to_owned(), sound: row.event.seq - 1, reason };
                 self.set_aside(damage.clone());
                 Err(StoreError::Damaged(damage))
             }
-            row => Ok(row),
+            row => Ok(row.map(|row| row.event)),
         }
     }
 
@@ -337,8 +285,9 @@ impl Store {
                 other => other?,
             };
             let Some(newest) = rows.last() else { break };
-            (last, link) = (newest.seq, newest.own_link());
-            bytes += rows.iter().map(EventRow::bytes).sum::<u64>();
+            last = newest.seq;
+            link = rows.iter().fold(link, |before, event| event.link(&before));
+            bytes += rows.iter().map(Event::bytes).sum::<u64>();
         }
         let Some(reason) = row.disagreement(last, &link) else { return Ok(Ok(bytes)) };
         // A session that was deleted or went on meanwhile is not damaged.

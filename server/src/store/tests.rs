@@ -12,39 +12,39 @@ fn path(folder: &tempfile::TempDir) -> std::path::PathBuf {
 
 impl Store {
     /// Creates a session with its first event.
-    async fn begin(&self, session_id: &str, first: NewEvent) -> Result<(), StoreError> {
+    async fn begin(&self, session_id: &str, first: Event) -> Result<(), StoreError> {
         self.create(session(session_id, &first), first).await
     }
 
     /// Appends an event after the newest one.
-    async fn add(&self, session_id: &str, event: NewEvent) -> Result<(), StoreError> {
+    async fn add(&self, session_id: &str, event: Event) -> Result<(), StoreError> {
         let row = self.session(session_id).await?.ok_or(StoreError::Conflict)?;
         let before = row.link.unwrap().try_into().unwrap();
         self.append(head(session_id, &event, &before), before, event).await
     }
 }
 
-fn head(session_id: &str, event: &NewEvent, before: &Link) -> SessionHead {
+fn head(session_id: &str, event: &Event, before: &Link) -> SessionHead {
     let (session_id, summary, link) = (session_id.into(), b"summary".to_vec(), event.link(before));
     SessionHead { session_id, created_us: 7, state: 1, summary, link }
 }
 
-fn session(session_id: &str, first: &NewEvent) -> NewSession {
+fn session(session_id: &str, first: &Event) -> NewSession {
     let labels = [("object".to_owned(), session_id.to_owned())].into();
     NewSession { head: head(session_id, first, &first_link(session_id)), experiment: "bench".into(), labels }
 }
 
-fn event(seq: i64, request_id: &str) -> NewEvent {
-    NewEvent {
+fn event(seq: i64, request_id: &str) -> Event {
+    Event {
         seq,
         request_id: Some(request_id.into()),
         request_digest: vec![1],
-        kind: "contact_result",
+        kind: "contact_result".into(),
         payload: vec![0, 255, 3],
         reply: format!("reply to {request_id}").into_bytes(),
         state_hash: "ab".into(),
         stats_after: Vec::new(),
-        algorithm_version: "1",
+        algorithm_version: "1".into(),
         append_us: 11,
         actor: String::new(),
     }
@@ -152,7 +152,7 @@ async fn a_full_disk_is_told_apart_and_forgotten_once_there_is_room() {
     sqlx::query(bound).execute(&mut opened.connection).await.unwrap();
     let store = Store::over(opened, open::readers(&path).await.unwrap(), &Limits::default());
     store.begin("mug", event(1, "a")).await.unwrap();
-    let large = NewEvent { payload: vec![7; 200_000], ..event(2, "b") };
+    let large = Event { payload: vec![7; 200_000], ..event(2, "b") };
     assert!(matches!(store.add("mug", large).await, Err(StoreError::Full)));
     assert!(matches!(store.check_writable().await, Err(StoreError::Full)), "it is not ready");
     assert_eq!(store.session("mug").await.unwrap().unwrap().head, 1, "readers go on");

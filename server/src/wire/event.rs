@@ -13,7 +13,7 @@ use super::{from_proto, to_proto};
 use crate::limits::Limits;
 use crate::session::Snapshot;
 use crate::sessions::FoldError;
-use crate::store::EventRow;
+use crate::store::Event;
 
 /// The stored form of an event: its name for people who read the table, and its bytes.
 pub(crate) fn encode(kind: Kind) -> (&'static str, Vec<u8>) {
@@ -32,9 +32,9 @@ pub(crate) fn encode(kind: Kind) -> (&'static str, Vec<u8>) {
 ///
 /// # Errors
 /// The stored bytes are no event.
-pub(crate) fn decode(row: EventRow, include_points: bool) -> Result<v1::Event, FoldError> {
+pub(crate) fn decode(row: Event, include_points: bool) -> Result<v1::Event, FoldError> {
     let seq = row.seq;
-    let EventRow {
+    let Event {
         seq: _,
         request_id,
         request_digest: _,
@@ -46,8 +46,6 @@ pub(crate) fn decode(row: EventRow, include_points: bool) -> Result<v1::Event, F
         algorithm_version: _,
         append_us,
         actor,
-        link: _,
-        link_before: _,
     } = row;
     let stats_after = v1::SessionStats::decode(stats_after.as_slice());
     let mut kind = kind(seq, &payload)?;
@@ -72,7 +70,7 @@ pub(crate) fn decode(row: EventRow, include_points: bool) -> Result<v1::Event, F
 ///
 /// # Errors
 /// The event cannot be read, or cannot be applied here: the log is damaged or of another version.
-pub(crate) fn fold(before: Option<&Snapshot>, row: &EventRow) -> Result<Snapshot, FoldError> {
+pub(crate) fn fold(before: Option<&Snapshot>, row: &Event) -> Result<Snapshot, FoldError> {
     let (seq, limits) = (row.seq, &replay_limits());
     let failed = |reason: String| FoldError { seq, reason };
     let expected = before.map_or(1, |snapshot| snapshot.revision + 1);
@@ -136,7 +134,7 @@ pub(crate) fn kind(seq: i64, payload: &[u8]) -> Result<Kind, FoldError> {
 ///
 /// # Errors
 /// The stored reply cannot be read.
-pub(crate) fn reply_after(row: &EventRow) -> Result<(Option<v1::Session>, Vec<v1::Candidate>), FoldError> {
+pub(crate) fn reply_after(row: &Event) -> Result<(Option<v1::Session>, Vec<v1::Candidate>), FoldError> {
     let seq = row.seq;
     let bytes = row.reply.as_slice();
     let parts = match kind(seq, &row.payload)? {
