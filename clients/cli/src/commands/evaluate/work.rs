@@ -36,6 +36,8 @@ pub(super) async fn work(
 
     let mut failed = 0;
     let mut running = JoinSet::new();
+    // Listened for all the time: what comes while a run is written down is not lost.
+    let mut interrupted = std::pin::pin!(tokio::signal::ctrl_c());
     loop {
         while running.len() < jobs
             && let Some(task) = left.pop_front()
@@ -45,7 +47,7 @@ pub(super) async fn work(
         // Whatever is still running is given up with the set.
         let ended = tokio::select! {
             ended = running.join_next() => ended,
-            interrupted = tokio::signal::ctrl_c() => {
+            interrupted = &mut interrupted => {
                 interrupted?;
                 bar.finish_and_clear();
                 tokio::spawn(end_at_once_when_interrupted_again());
