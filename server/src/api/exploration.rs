@@ -164,8 +164,7 @@ fn absorb_prior(
     wanted: &Question,
 ) -> Result<Decision<Snapshot>, Error> {
     let from_proto::Prior { evidence, finite, non_finite, repeated, flying, voxel_m, mut warnings } =
-        from_proto::visual_prior(path, prior)?;
-    from_proto::check_least_size(path, evidence.points())?;
+        from_proto::sent_prior(path, prior)?;
     let added = before.add_view(&evidence, prior.keep_clutter, before.next_event_us());
     let (after, AddedView { update, accepted, edge_m, clutter }) =
         added.map_err(|error| refused(path, error))?;
@@ -208,7 +207,7 @@ fn absorb_result(
         return Err(Error::SessionFull { limit: limits.contacts });
     }
     let from_proto::Reported { evidence, mut warnings } =
-        from_proto::reported(result, &before.definition, before.revision, limits)?;
+        from_proto::sent_report(result, &before.definition, before.revision, limits)?;
     let absorbed = before.absorb(evidence, &result.candidate_id, before.next_event_us());
     let (after, update) = absorbed.map_err(|error| refused("result", error))?;
     warnings.extend(update.warnings);
