@@ -11,14 +11,14 @@ use palpate_proto::v1;
 use tokio::sync::watch;
 
 use crate::harness::ball::{contact_at, directions, plausible};
-use crate::harness::{Process, Proxy, Transport, accepted, creation, prior, report};
+use crate::harness::{Process, Proxy, Random, Transport, accepted, creation, given, prior, report};
 
 const ROBOTS: u64 = 6;
 /// Contacts of a session, after which its robot begins another one.
 const CONTACTS: usize = 30;
 /// Between a start and the next kill, in milliseconds: much is acknowledged in between.
 const LEAST_MS: u64 = 60;
-const SPREAD_MS: u64 = 300;
+const SPREAD_MS: usize = 300;
 
 /// Robots come back at once.
 const IMPATIENT: RetryPolicy = RetryPolicy {
@@ -27,11 +27,6 @@ const IMPATIENT: RetryPolicy = RetryPolicy {
     longest_wait: Duration::from_millis(20),
 };
 const PATIENCE: Duration = Duration::from_secs(60);
-
-/// The number that an environment variable gives, or another one.
-fn given(name: &str, otherwise: u64) -> u64 {
-    std::env::var(name).ok().and_then(|value| value.parse().ok()).unwrap_or(otherwise)
-}
 
 /// What a robot was told: by session and request id the seq of the event.
 type Told = BTreeMap<(String, String), i64>;
@@ -79,13 +74,9 @@ async fn what_was_acknowledged_survives_kills_at_any_moment_under_load() {
             Client::builder(&proxy.url()).retry(IMPATIENT).deadline(PATIENCE).connect().await.unwrap();
         robots.push(tokio::spawn(explore(client, robot, stopped.clone())));
     }
-    let mut random = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
+    let mut random = Random::new(seed);
     for _ in 0..kills {
-        // Marsaglia's xorshift: the moments only have to be everywhere.
-        random ^= random << 13;
-        random ^= random >> 7;
-        random ^= random << 17;
-        tokio::time::sleep(Duration::from_millis(LEAST_MS + random % SPREAD_MS)).await;
+        tokio::time::sleep(Duration::from_millis(LEAST_MS + random.below(SPREAD_MS) as u64)).await;
         server.kill().await;
         server = Process::serve(&database).await;
         proxy.switch(server.address);
