@@ -8,12 +8,15 @@
 mod capabilities;
 mod exploration;
 mod explore;
+mod fork;
+mod history;
 mod lease;
 mod made_mesh;
 mod mesh;
 mod outbox;
 mod places;
 mod reading;
+mod replay;
 mod sessions;
 mod watch;
 
@@ -72,7 +75,7 @@ impl Api {
         let cores = available_parallelism().map_or(1, usize::from);
         let pool = Pool::new(cores, &limits);
         let limits = Arc::new(limits);
-        let sessions = Arc::new(Sessions::new(store, pool, event::fold, limits.clone(), stopping.clone()));
+        let sessions = Arc::new(Sessions::new(store, pool, event::FOLDING, limits.clone(), stopping.clone()));
         tokio::spawn(sessions.clone().prove_all());
         Self {
             sessions,
@@ -204,6 +207,7 @@ fn computed<M: Message>(after: Snapshot, reply: &M) -> Computed<Snapshot> {
         stats_after: to_proto::stats(&after).encode_to_vec(),
         state_hash: after.state_hash(),
         append_us: after.updated_us,
+        new_labels: None,
         after,
     }
 }

@@ -65,6 +65,15 @@ pub(crate) enum Error {
         /// The session's etag.
         actual: String,
     },
+    /// A change that must say which state it was decided on does not.
+    #[error("the session's etag is missing: read the session, and send its etag along with the change")]
+    EtagMissing,
+    /// The session was closed.
+    #[error("session {session_id:?} is finished and takes no changes: fork it to go on")]
+    SessionFinished {
+        /// Which one.
+        session_id: String,
+    },
     /// There is no estimate yet.
     #[error("the session has no visual prior yet: call AddVisualPrior first")]
     NoVisualPrior,
@@ -211,6 +220,17 @@ impl Error {
         Self::Fields(vec![FieldViolation::new(field, description, false)])
     }
 
+    /// The same about a field that the caller wrote under another name.
+    pub(crate) fn of_field(self, field: &str) -> Self {
+        match self {
+            Self::Fields(fields) => {
+                let renamed = fields.into_iter().map(|old| FieldViolation { field: field.to_owned(), ..old });
+                Self::Fields(renamed.collect())
+            }
+            other => other,
+        }
+    }
+
     /// A feature of the contract that this version lacks, named by its call or field.
     pub(crate) fn unimplemented(what: impl Into<String>) -> Self {
         Self::Unimplemented { what: what.into() }
@@ -231,6 +251,8 @@ impl Error {
             Self::RequestIdReused { .. } => "REQUEST_ID_REUSED",
             Self::RevisionMismatch { .. } => "REVISION_MISMATCH",
             Self::EtagMismatch { .. } => "ETAG_MISMATCH",
+            Self::EtagMissing => "ETAG_MISSING",
+            Self::SessionFinished { .. } => "SESSION_FINISHED",
             Self::NoVisualPrior => "NO_VISUAL_PRIOR",
             Self::SessionQuarantined { .. } => "SESSION_QUARANTINED",
             Self::Quota { .. } => "QUOTA",
@@ -260,9 +282,11 @@ impl Error {
             Self::SessionNotFound { .. } | Self::SessionDeleted { .. } => Code::NotFound,
             Self::SessionExists { .. } | Self::RequestIdReused { .. } => Code::AlreadyExists,
             Self::RevisionMismatch { .. } | Self::EtagMismatch { .. } => Code::Aborted,
-            Self::NoVisualPrior | Self::SessionQuarantined { .. } | Self::SessionFull { .. } => {
-                Code::FailedPrecondition
-            }
+            Self::NoVisualPrior
+            | Self::EtagMissing
+            | Self::SessionFinished { .. }
+            | Self::SessionQuarantined { .. }
+            | Self::SessionFull { .. } => Code::FailedPrecondition,
             Self::Quota { .. }
             | Self::QueueFull { .. }
             | Self::TooLarge { .. }
@@ -285,9 +309,11 @@ impl Error {
             | Self::RequestIdReused { .. }
             | Self::RevisionMismatch { .. }
             | Self::NoVisualPrior
+            | Self::SessionFinished { .. }
             | Self::SessionFull { .. }
             | Self::SessionQuarantined { .. } => StatusCode::CONFLICT,
             Self::EtagMismatch { .. } => StatusCode::PRECONDITION_FAILED,
+            Self::EtagMissing => StatusCode::PRECONDITION_REQUIRED,
             Self::Quota { .. } | Self::QueueFull { .. } => StatusCode::TOO_MANY_REQUESTS,
             Self::TooLarge { .. } => StatusCode::PAYLOAD_TOO_LARGE,
             Self::HeaderTooLarge { .. } => StatusCode::REQUEST_HEADER_FIELDS_TOO_LARGE,

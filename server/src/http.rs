@@ -8,6 +8,7 @@ mod events;
 mod examples;
 mod exploration;
 mod extract;
+mod history;
 mod json;
 mod json_points;
 mod mesh;
@@ -90,7 +91,11 @@ async fn receive(State(bodies): State<Bodies>, request: Request, next: Next) -> 
 fn documented() -> OpenApiRouter<Api> {
     OpenApiRouter::with_openapi(openapi::introduction())
         .routes(routes!(sessions::create, sessions::list))
-        .routes(routes!(sessions::get, sessions::delete))
+        .routes(routes!(sessions::get, sessions::delete, history::update))
+        .routes(routes!(history::finish))
+        .routes(routes!(history::fork))
+        .routes(routes!(history::retract))
+        .routes(routes!(history::replay))
         .routes(routes!(exploration::add_prior))
         .routes(routes!(exploration::propose))
         .routes(routes!(exploration::report))

@@ -66,6 +66,8 @@ pub struct Limits {
     pub top_k: u32,
     /// Keep-out regions in one request.
     pub keep_out: usize,
+    /// Strategies that one session asks beside its own.
+    pub shadow: usize,
     /// Declared pads of one session, and contacts of one result.
     pub pads: usize,
     /// Longest lease of a candidate.
@@ -150,6 +152,9 @@ pub struct Limits {
     pub heartbeat_max: Duration,
     /// How long a call may take where the caller names no deadline.
     pub call_timeout: Duration,
+    /// How long a session may take to be computed anew, for a fork, an import or a retraction: longer than its caller
+    /// waits, who asks again.
+    pub recompute_timeout: Duration,
     /// How long open connections may take to finish when the server stops.
     pub drain: Duration,
 }
@@ -164,6 +169,7 @@ impl Default for Limits {
             contacts: 1000,
             top_k: 64,
             keep_out: 64,
+            shadow: 4,
             pads: 8,
             lease_max: Duration::from_secs(600),
             leased_places: 256,
@@ -206,6 +212,7 @@ impl Default for Limits {
             heartbeat_min: Duration::from_secs(1),
             heartbeat_max: Duration::from_secs(3600),
             call_timeout: Duration::from_secs(60),
+            recompute_timeout: Duration::from_secs(600),
             drain: Duration::from_secs(10),
         }
     }

@@ -12,12 +12,14 @@
 //! process is computed again, bit for bit. What states and bytes mean is not known here.
 
 mod aggregate;
+mod copying;
 mod creation;
 mod deletion;
 mod live;
 mod past;
 mod proof;
 mod replay;
+mod retraction;
 #[cfg(test)]
 mod tests;
 
@@ -33,10 +35,15 @@ use crate::compute::{Pool, Queue};
 use crate::error::Error;
 use crate::limits::Limits;
 use crate::store::{Damage, Event, Link, SessionHead, Store, StoreError};
-pub(crate) use aggregate::{Aggregate, Computed, Created, Decision, Fold, FoldError, StoredEvent};
+pub(crate) use aggregate::{
+    Aggregate, Computed, Created, Decision, FoldError, Folding, Recompute, StoredEvent,
+};
+pub(crate) use copying::{Carried, Copy, Original, Takeover};
 use live::{Head, Live, LiveSessions, Replayed};
 use past::PastStates;
 use proof::Proven;
+pub(crate) use replay::FreshFold;
+pub(crate) use retraction::Retractions;
 
 /// How often a change starts again when other processes append to the same session.
 const ATTEMPTS: usize = 5;
@@ -47,7 +54,7 @@ const RETRY_WRITE_AFTER: Duration = Duration::from_millis(50);
 pub(crate) struct Sessions<S> {
     pub(crate) store: Store,
     pub(crate) pool: Pool,
-    fold: Fold<S>,
+    folding: Folding<S>,
     limits: Arc<Limits>,
     live: LiveSessions<S>,
     past: PastStates<S>,
@@ -98,17 +105,17 @@ pub(crate) struct Reply {
 }
 
 impl<S: Aggregate> Sessions<S> {
-    /// Sessions whose states `fold` makes of their logs.
+    /// Sessions whose states `folding` makes of their logs.
     pub(crate) fn new(
         store: Store,
         pool: Pool,
-        fold: Fold<S>,
+        folding: Folding<S>,
         limits: Arc<Limits>,
         stopping: CancellationToken,
     ) -> Self {
         let live = LiveSessions::new(limits.live_sessions, limits.session_queue);
         let past = PastStates::new(limits.past_states);
-        Self { store, pool, fold, limits, live, past, proven: Proven::default(), stopping }
+        Self { store, pool, folding, limits, live, past, proven: Proven::default(), stopping }
     }
 
     /// Creates a session.
@@ -194,7 +201,8 @@ impl<S: Aggregate> Sessions<S> {
             return Err(Error::field("revision", description));
         }
         // Each event is checked by the one before it, so where the kept state ends need not be known.
-        let nearest = self.past.nearest(&*newest, revision);
+        let retractions = self.retractions(session_id, revision).await?;
+        let nearest = self.past.nearest(&*newest, revision, |kept| retractions.agree_at(kept));
         let nearest = nearest.map(|state| Replayed { state, head: Head::empty(session_id) });
         let state = self.replay(session_id, nearest, revision, queue, deadline).await?.state;
         self.past.keep(state.clone());
@@ -216,6 +224,7 @@ impl<S: Aggregate> Sessions<S> {
             let before = states.borrow().clone();
             let (event, computed) = match self.compute(&before, *expected_revision, compute, deadline).await {
                 Ok(Decision::Append(event, computed)) => (event, computed),
+                Ok(Decision::Retract(seq, compute)) => self.retract(&before, seq, compute).await?,
                 Ok(Decision::Answer(bytes)) => return Ok(Reply { bytes, duplicate: false }),
                 // A refusal must rest on the newest state, and another process may have written since.
                 Err(_) if before.check_open().is_ok() && self.is_behind(&*before).await? => {
@@ -265,13 +274,8 @@ impl<S: Aggregate> Sessions<S> {
         if request.id.is_empty() {
             return Ok(None);
         }
-        match self.store.first_under(session_id, &request.id).await? {
-            None => Ok(None),
-            Some(first) if first.request_digest == request.digest => {
-                Ok(Some(Reply { bytes: first.reply, duplicate: true }))
-            }
-            Some(_) => Err(Error::RequestIdReused { request_id: request.id.clone() }),
-        }
+        let first = self.store.first_under(session_id, &request.id).await?;
+        first.map(|first| answered_before(request, &first.request_digest, first.reply)).transpose()
     }
 
     /// The session in memory, replayed from its log if it was not there.
@@ -301,6 +305,15 @@ impl<S: Aggregate> Sessions<S> {
     }
 }
 
+/// The reply to the first request under an id, which must have had the same body.
+fn answered_before(request: &RequestKey, digest: &[u8], reply: Vec<u8>) -> Result<Reply, Error> {
+    if digest == request.digest {
+        Ok(Reply { bytes: reply, duplicate: true })
+    } else {
+        Err(Error::RequestIdReused { request_id: request.id.clone() })
+    }
+}
+
 /// Runs to its end even when the caller stops waiting.
 async fn detached<T: Send + 'static>(
     work: impl Future<Output = Result<T, Error>> + Send + 'static,
@@ -317,7 +330,7 @@ fn recorded<S: Aggregate>(
     actor: &str,
     before: &Link,
 ) -> (S, SessionHead, Event) {
-    let Computed { after, state, summary, reply, stats_after, state_hash, append_us } = computed;
+    let Computed { after, state, summary, reply, stats_after, state_hash, append_us, new_labels } = computed;
     let (session_id, created_us) = after.identity();
     let (session_id, created_us) = (session_id.to_owned(), created_us);
     let event = Event {
@@ -334,7 +347,7 @@ fn recorded<S: Aggregate>(
         actor: actor.to_owned(),
     };
     let link = event.link(before);
-    let head = SessionHead { session_id, created_us, state, summary, link };
+    let head = SessionHead { session_id, created_us, state, summary, link, new_labels };
     (after, head, event)
 }
 

@@ -17,16 +17,10 @@ async fn calls_of_a_later_version_say_so_over_grpc() {
     let server = Server::start().await;
     let caller = server.grpc();
     caller.begin("ball").await;
-    let (mut sessions, mut exploration, mut reconstruction) =
-        (caller.sessions(), caller.exploration(), caller.reconstruction());
-    check(reply(sessions.update_session(v1::UpdateSessionRequest::default())).await, "UpdateSession");
-    check(reply(sessions.finish_session(v1::FinishSessionRequest::default())).await, "FinishSession");
-    check(reply(sessions.fork_session(v1::ForkSessionRequest::default())).await, "ForkSession");
+    let (mut sessions, mut reconstruction) = (caller.sessions(), caller.reconstruction());
     check(reply(sessions.export_session(v1::ExportSessionRequest::default())).await, "ExportSession");
     let nothing = tokio_stream::empty::<v1::ImportSessionRequest>();
     check(reply(sessions.import_session(nothing)).await, "ImportSession");
-    check(reply(exploration.retract_event(v1::RetractEventRequest::default())).await, "RetractEvent");
-    check(reply(reconstruction.replay_session(v1::ReplaySessionRequest::default())).await, "ReplaySession");
     let evaluation = reconstruction.evaluate_session(v1::EvaluateSessionRequest::default());
     check(reply(evaluation).await, "EvaluateSession");
 }
@@ -35,10 +29,6 @@ async fn calls_of_a_later_version_say_so_over_grpc() {
 async fn calls_of_a_later_version_say_so_over_http() {
     let server = Server::start().await;
     for (method, path, what) in [
-        (Method::PATCH, "/v1/sessions/ball", "UpdateSession"),
-        (Method::POST, "/v1/sessions/ball/finish", "FinishSession"),
-        (Method::POST, "/v1/sessions/ball/fork", "ForkSession"),
-        (Method::POST, "/v1/sessions/ball/events/2/retract", "RetractEvent"),
         (Method::POST, "/v1/sessions/ball/evaluate", "EvaluateSession"),
         (Method::GET, "/v1/sessions/ball/series", "series"),
         (Method::GET, "/v1/sessions/ball/export", "ExportSession"),

@@ -37,9 +37,10 @@ impl ReconstructionService for Handlers {
 
     async fn replay_session(
         &self,
-        _request: Request<v1::ReplaySessionRequest>,
+        request: Request<v1::ReplaySessionRequest>,
     ) -> Result<Response<Self::ReplaySessionStream>, Status> {
-        Err(unavailable("ReplaySession"))
+        let call = call(&request);
+        replies(self.api.replay_session(request.into_inner(), call).await)
     }
 
     async fn evaluate_session(
@@ -47,5 +48,33 @@ impl ReconstructionService for Handlers {
         _request: Request<v1::EvaluateSessionRequest>,
     ) -> Result<Response<v1::EvaluateSessionResponse>, Status> {
         Err(unavailable("EvaluateSession"))
+    }
+
+    async fn get_series(
+        &self,
+        _request: Request<v1::GetSeriesRequest>,
+    ) -> Result<Response<v1::GetSeriesResponse>, Status> {
+        Err(unavailable("GetSeries"))
+    }
+
+    async fn set_reference(
+        &self,
+        _request: Request<v1::SetReferenceRequest>,
+    ) -> Result<Response<v1::Reference>, Status> {
+        Err(unavailable("SetReference"))
+    }
+
+    async fn get_reference(
+        &self,
+        _request: Request<v1::GetReferenceRequest>,
+    ) -> Result<Response<v1::Reference>, Status> {
+        Err(unavailable("GetReference"))
+    }
+
+    async fn delete_reference(
+        &self,
+        _request: Request<v1::DeleteReferenceRequest>,
+    ) -> Result<Response<v1::DeleteReferenceResponse>, Status> {
+        Err(unavailable("DeleteReference"))
     }
 }

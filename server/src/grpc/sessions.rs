@@ -34,16 +34,18 @@ impl SessionService for Handlers {
 
     async fn update_session(
         &self,
-        _request: Request<v1::UpdateSessionRequest>,
+        request: Request<v1::UpdateSessionRequest>,
     ) -> Result<Response<v1::Session>, Status> {
-        Err(unavailable("UpdateSession"))
+        let call = call(&request);
+        reply(self.api.update_session(request.into_inner(), call).await)
     }
 
     async fn finish_session(
         &self,
-        _request: Request<v1::FinishSessionRequest>,
+        request: Request<v1::FinishSessionRequest>,
     ) -> Result<Response<v1::Session>, Status> {
-        Err(unavailable("FinishSession"))
+        let call = call(&request);
+        reply(self.api.finish_session(request.into_inner(), call).await)
     }
 
     async fn delete_session(
@@ -56,9 +58,10 @@ impl SessionService for Handlers {
 
     async fn fork_session(
         &self,
-        _request: Request<v1::ForkSessionRequest>,
+        request: Request<v1::ForkSessionRequest>,
     ) -> Result<Response<v1::Session>, Status> {
-        Err(unavailable("ForkSession"))
+        let call = call(&request);
+        reply(self.api.fork_session(request.into_inner(), call).await)
     }
 
     type ExportSessionStream = Replies<v1::Chunk>;
@@ -75,6 +78,20 @@ impl SessionService for Handlers {
         _request: Request<Streaming<v1::ImportSessionRequest>>,
     ) -> Result<Response<v1::Session>, Status> {
         Err(unavailable("ImportSession"))
+    }
+
+    async fn list_experiments(
+        &self,
+        _request: Request<v1::ListExperimentsRequest>,
+    ) -> Result<Response<v1::ListExperimentsResponse>, Status> {
+        Err(unavailable("ListExperiments"))
+    }
+
+    async fn summarize_experiment(
+        &self,
+        _request: Request<v1::SummarizeExperimentRequest>,
+    ) -> Result<Response<v1::ExperimentSummary>, Status> {
+        Err(unavailable("SummarizeExperiment"))
     }
 
     async fn get_server_info(

@@ -42,10 +42,11 @@ fn add_subject(details: &mut ErrorDetails, error: &Error) {
         | Error::SessionExists { session_id } => {
             details.set_resource_info("session", session_id, "", text);
         }
-        Error::SessionQuarantined { session_id, sound: _, reason: _ } => {
+        Error::SessionQuarantined { session_id, sound: _, reason: _ }
+        | Error::SessionFinished { session_id } => {
             details.add_precondition_failure_violation(error.reason(), session_id, text);
         }
-        Error::NoVisualPrior | Error::SessionFull { .. } => {
+        Error::NoVisualPrior | Error::EtagMissing | Error::SessionFull { .. } => {
             details.add_precondition_failure_violation(error.reason(), "session", text);
         }
         Error::RevisionMismatch { expected, actual } => {

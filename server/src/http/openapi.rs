@@ -13,9 +13,9 @@ use utoipa::openapi::OpenApi;
 use utoipa_swagger_ui::{Config, SwaggerUi};
 
 use super::problem::{Document, Field, Problem};
-use super::proto_json::CONTRACT;
 use super::{examples, schema, unavailable};
 use crate::error::Error;
+use crate::wire::CONTRACT;
 
 /// Much larger than the page of the documentation.
 const PAGE_BYTES: usize = 1 << 20;
@@ -201,7 +201,7 @@ mod tests {
             assert!(document.pointer(reference.strip_prefix('#').unwrap()).is_some(), "{reference}");
         }
         let schemas = document["components"]["schemas"].as_object().unwrap();
-        assert!(schemas.contains_key("Candidate") && !schemas.contains_key("ForkSessionRequest"));
+        assert!(schemas.contains_key("Candidate") && !schemas.contains_key("ExploreRequest"));
         for name in schemas.keys() {
             assert!(found.contains(&reference_to(name)), "{name} belongs to no route");
         }
@@ -242,10 +242,15 @@ mod tests {
             "get /v1/sessions/{session_id}",
             "get /v1/sessions/{session_id}/events",
             "get /v1/sessions/{session_id}/mesh",
+            "get /v1/sessions/{session_id}/replay",
             "get /version",
+            "patch /v1/sessions/{session_id}",
             "post /v1/sessions",
             "post /v1/sessions/{session_id}/candidates",
             "post /v1/sessions/{session_id}/contacts",
+            "post /v1/sessions/{session_id}/events/{seq}/retract",
+            "post /v1/sessions/{session_id}/finish",
+            "post /v1/sessions/{session_id}/fork",
             "post /v1/sessions/{session_id}/priors",
         ];
         assert_eq!(operations, expected);

@@ -4,13 +4,12 @@
 //! Reading is strict: a field that does not exist is an error, because a misspelt one would be ignored in silence.
 
 use std::fmt::Display;
-use std::sync::LazyLock;
 
 use axum::extract::{FromRequest, Request};
 use axum::response::{IntoResponse, Response};
 use http::header::CONTENT_TYPE;
 use prost::{Message, Name};
-use prost_reflect::{DescriptorPool, DynamicMessage, Kind, MessageDescriptor, SerializeOptions};
+use prost_reflect::{DynamicMessage, Kind, MessageDescriptor, SerializeOptions};
 use serde_json::Value;
 
 use super::extract::{json_body, require_json};
@@ -19,11 +18,7 @@ use crate::api::Api;
 use crate::error::Error;
 use crate::limits::{ECHO_BYTES, ERROR_TEXT_BYTES};
 use crate::text::cut;
-
-/// The contract's descriptors, with all comments.
-pub(super) static CONTRACT: LazyLock<Result<DescriptorPool, String>> = LazyLock::new(|| {
-    DescriptorPool::decode(palpate_proto::FILE_DESCRIPTOR_SET).map_err(|error| error.to_string())
-});
+use crate::wire::CONTRACT;
 
 /// A message as the JSON body of a request or a response.
 pub(super) struct ProtoJson<T>(pub(super) T);

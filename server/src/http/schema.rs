@@ -175,7 +175,7 @@ fn comment(file: &prost_types::FileDescriptorProto, path: &[i32]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::http::proto_json::CONTRACT;
+    use crate::wire::CONTRACT;
 
     fn contract() -> Map<String, Value> {
         schemas(CONTRACT.as_ref().unwrap())

@@ -8,11 +8,7 @@ use crate::api::Api;
 use crate::error::Error;
 
 /// Method, path, and what it will be.
-const PATHS: [(MethodFilter, &str, &str); 10] = [
-    (MethodFilter::PATCH, "/v1/sessions/{session_id}", "UpdateSession"),
-    (MethodFilter::POST, "/v1/sessions/{session_id}/finish", "FinishSession"),
-    (MethodFilter::POST, "/v1/sessions/{session_id}/fork", "ForkSession"),
-    (MethodFilter::POST, "/v1/sessions/{session_id}/events/{seq}/retract", "RetractEvent"),
+const PATHS: [(MethodFilter, &str, &str); 6] = [
     (MethodFilter::POST, "/v1/sessions/{session_id}/evaluate", "EvaluateSession"),
     (MethodFilter::GET, "/v1/sessions/{session_id}/series", "the series of a session"),
     (MethodFilter::GET, "/v1/sessions/{session_id}/export", "ExportSession"),
@@ -37,7 +33,6 @@ pub(super) fn notice() -> String {
 fn name(method: MethodFilter) -> &'static str {
     match method {
         MethodFilter::GET => "GET",
-        MethodFilter::PATCH => "PATCH",
         _ => "POST",
     }
 }

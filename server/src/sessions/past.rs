@@ -18,11 +18,13 @@ impl<S: Aggregate> PastStates<S> {
         Self { recent: Mutex::default(), most }
     }
 
-    /// The kept state of this session that is nearest to `revision` and not after it.
-    pub(super) fn nearest(&self, newest: &S, revision: i64) -> Option<Arc<S>> {
+    /// The kept state of this session that is nearest to `revision` and not after it, of those of revisions that are
+    /// `usable`.
+    pub(super) fn nearest(&self, newest: &S, revision: i64, usable: impl Fn(i64) -> bool) -> Option<Arc<S>> {
         let recent = self.lock();
-        let earlier =
-            recent.iter().filter(|kept| kept.identity() == newest.identity() && kept.revision() <= revision);
+        let earlier = recent.iter().filter(|kept| {
+            kept.identity() == newest.identity() && kept.revision() <= revision && usable(kept.revision())
+        });
         earlier.max_by_key(|kept| kept.revision()).cloned()
     }
 

@@ -42,6 +42,12 @@ impl Aggregate for Toy {
         Ok(())
     }
 
+    fn without_event(&self, _row: &Event) -> Self {
+        let mut after = self.clone();
+        after.bytes.push(LEFT_OUT);
+        after
+    }
+
     fn quarantined(&self, _reason: &str, _head: i64) -> Self {
         panic!("every log of this test can be replayed")
     }
@@ -55,6 +61,8 @@ fn fold(before: Option<&Toy>, row: &Event) -> Result<Toy, FoldError> {
     assert_eq!(toy.state_hash(), row.state_hash, "the state is the one that was recorded");
     Ok(toy)
 }
+
+const FOLDING: Folding<Toy> = Folding { fold, retracts: |_| None, retraction: "retracted" };
 
 impl Toy {
     fn with(mut self, byte: u8) -> Self {
@@ -70,11 +78,14 @@ impl Toy {
             stats_after: Vec::new(),
             state_hash: self.state_hash(),
             append_us: self.created_us,
+            new_labels: None,
             after: self,
         }
     }
 }
 
+/// What is in the place of an event that was retracted.
+const LEFT_OUT: u8 = 5;
 /// The body of a request that the method refuses.
 const REFUSED: u8 = 3;
 /// The body of a request that is answered and changes nothing.
@@ -354,7 +365,7 @@ async fn open(folder: &TempDir) -> Arc<Sessions<Toy>> {
     let limits = Limits { live_sessions: 2, past_states: 2, ..Limits::default() };
     let store = Store::open_beside(&folder.path().join("log.db"), &limits).await.unwrap();
     let pool = Pool::new(2, &limits);
-    Arc::new(Sessions::new(store, pool, fold, Arc::new(limits), CancellationToken::new()))
+    Arc::new(Sessions::new(store, pool, FOLDING, Arc::new(limits), CancellationToken::new()))
 }
 
 fn outcome(reply: Result<Reply, Error>) -> Outcome {

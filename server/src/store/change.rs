@@ -11,6 +11,16 @@ pub(crate) struct NewSession {
     pub(crate) head: SessionHead,
     pub(crate) experiment: String,
     pub(crate) labels: BTreeMap<String, String>,
+    /// The request that made it, where that is not the one of its first event.
+    pub(crate) imported_by: Option<Import>,
+}
+
+/// The request that brought a session from elsewhere, with what it was answered.
+#[derive(Debug)]
+pub(crate) struct Import {
+    pub(crate) request_id: String,
+    pub(crate) request_digest: Vec<u8>,
+    pub(crate) reply: Vec<u8>,
 }
 
 /// What `sessions` says of a session after an event.
@@ -23,6 +33,8 @@ pub(crate) struct SessionHead {
     pub(crate) summary: Vec<u8>,
     /// The link of the event.
     pub(crate) link: Link,
+    /// All labels, where the event changed them.
+    pub(crate) new_labels: Option<BTreeMap<String, String>>,
 }
 
 /// A session to remove.
@@ -48,7 +60,8 @@ pub(crate) struct Damage {
 /// One change of the log.
 #[derive(Debug)]
 pub(super) enum Change {
-    Create(Box<(NewSession, Event)>),
+    /// With its first events, which are one where it is not copied from another session.
+    Create(Box<(NewSession, Vec<Event>)>),
     /// Goes after the event with this link.
     Append(Box<(SessionHead, Link, Event)>),
     Delete(Deletion),
@@ -61,11 +74,12 @@ pub(super) enum Change {
 }
 
 impl Change {
-    /// Whether the log grows by an event.
-    pub(super) fn appends(&self) -> bool {
+    /// By how many events the log grows.
+    pub(super) fn appended(&self) -> i64 {
         match self {
-            Self::Create(_) | Self::Append(_) => true,
-            Self::Delete(_) | Self::SetAside(_) | Self::Restore(_) | Self::Check => false,
+            Self::Create(new) => new.1.len() as i64,
+            Self::Append(_) => 1,
+            Self::Delete(_) | Self::SetAside(_) | Self::Restore(_) | Self::Check => 0,
         }
     }
 }

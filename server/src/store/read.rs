@@ -78,6 +78,15 @@ impl EventRow {
     }
 }
 
+/// The request that made a session.
+#[derive(Clone, Debug, FromRow)]
+pub(crate) struct FirstRequest {
+    pub(crate) session_id: String,
+    /// Nothing where the session's own first event has it.
+    pub(crate) request_digest: Option<Vec<u8>>,
+    pub(crate) reply: Option<Vec<u8>>,
+}
+
 /// Which sessions to list; all that is given must match.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Filter {
@@ -300,10 +309,28 @@ impl Store {
         Ok(Err(damage))
     }
 
-    /// The session that a creation made under this request id, if there was one; it may be deleted by now.
-    pub(crate) async fn created_by(&self, request_id: &str) -> Result<Option<String>, StoreError> {
-        let query = sqlx::query_scalar("select session_id from creations where request_id = $1");
+    /// What a creation under this request id made, if there was one; the session may be deleted by now.
+    pub(crate) async fn created_by(&self, request_id: &str) -> Result<Option<FirstRequest>, StoreError> {
+        let query =
+            sqlx::query_as("select session_id, request_digest, reply from creations where request_id = $1");
         Ok(query.bind(request_id).fetch_optional(&self.readers).await?)
+    }
+
+    /// The events of one kind up to the event `to`, oldest first. What they say is to be checked with the log that they
+    /// are of.
+    pub(crate) async fn of_kind(
+        &self,
+        session_id: &str,
+        kind: &'static str,
+        to: i64,
+    ) -> Result<Vec<Event>, StoreError> {
+        let mut query = QueryBuilder::<Sqlite>::new("select ");
+        query.push(EVENT_COLUMNS).push(" where e.session_id = ").push_bind(session_id);
+        // Written out, so that an index of the events of this kind can be used.
+        query.push(" and e.kind = '").push(kind).push("' and e.seq <= ").push_bind(to);
+        query.push(" order by e.seq");
+        let rows: Vec<EventRow> = query.build_query_as().fetch_all(&self.readers).await?;
+        Ok(rows.into_iter().map(|row| row.event).collect())
     }
 
     /// The digest of the request that deleted the session under this request id, if there was one.

@@ -18,7 +18,7 @@ use crate::limits::{Limits, SESSION_ID_BYTES};
 use crate::text::{is_forbidden_in_names, quoted};
 
 pub(crate) use contact::{Reported, reported};
-pub(crate) use definition::{check_labels, check_session_id, definition};
+pub(crate) use definition::{check_labels, check_session_id, definition, fork};
 pub(crate) use lease::{lease_duration, leases};
 pub(crate) use prior::{Prior, is_readable, visual_prior};
 pub(crate) use robot::exploration_request;

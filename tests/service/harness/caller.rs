@@ -8,7 +8,7 @@ use reqwest::Method;
 use tonic::transport::Channel;
 use tonic::{Response, Status};
 
-use super::http::{accepted, answered, to_json};
+use super::http::{accepted, answered, from_json, to_json};
 use super::{Http, Outcome, Refused, soon};
 
 /// Larger than any message that a test sends on purpose.
@@ -145,6 +145,79 @@ impl Caller {
                 answered(self.http.post(&path(&request.session_id, "/contacts"), &to_json(&request))).await
             }
         }
+    }
+
+    pub(crate) async fn update(&self, request: v1::UpdateSessionRequest) -> Outcome<v1::Session> {
+        if self.transport == Transport::Grpc {
+            return reply(self.sessions().update_session(request)).await;
+        }
+        let session = request.session.clone().unwrap_or_default();
+        let mut body = serde_json::Map::new();
+        let all = to_json(&session);
+        for name in request.update_mask.iter().flat_map(|mask| &mask.paths) {
+            body.insert(name.clone(), all.get(name).cloned().unwrap_or_default());
+        }
+        let mut call = self.http.request(Method::PATCH, &path(&session.session_id, "")).json(&body);
+        if !session.etag.is_empty() {
+            call = call.header("if-match", format!("\"{}\"", session.etag));
+        }
+        if !request.request_id.is_empty() {
+            call = call.header("idempotency-key", request.request_id);
+        }
+        answered(call).await
+    }
+
+    pub(crate) async fn finish(&self, request: v1::FinishSessionRequest) -> Outcome<v1::Session> {
+        match self.transport {
+            Transport::Grpc => reply(self.sessions().finish_session(request)).await,
+            Transport::Http => {
+                answered(self.http.post(&path(&request.session_id, "/finish"), &to_json(&request))).await
+            }
+        }
+    }
+
+    pub(crate) async fn fork(&self, request: v1::ForkSessionRequest) -> Outcome<v1::Session> {
+        match self.transport {
+            Transport::Grpc => reply(self.sessions().fork_session(request)).await,
+            Transport::Http => {
+                answered(self.http.post(&path(&request.session_id, "/fork"), &to_json(&request))).await
+            }
+        }
+    }
+
+    pub(crate) async fn retract(&self, request: v1::RetractEventRequest) -> Outcome<v1::Session> {
+        match self.transport {
+            Transport::Grpc => reply(self.exploration().retract_event(request)).await,
+            Transport::Http => {
+                let rest = format!("/events/{}/retract", request.seq);
+                answered(self.http.post(&path(&request.session_id, &rest), &to_json(&request))).await
+            }
+        }
+    }
+
+    /// All steps of a replay.
+    pub(crate) async fn replay(
+        &self,
+        request: v1::ReplaySessionRequest,
+    ) -> Outcome<Vec<v1::WatchSessionResponse>> {
+        if self.transport == Transport::Grpc {
+            let mut steps = reply(self.reconstruction().replay_session(request)).await?;
+            let mut all = Vec::new();
+            while let Some(step) =
+                soon("a step", steps.message()).await.map_err(|s| Refused::from_status(&s))?
+            {
+                all.push(step);
+            }
+            return Ok(all);
+        }
+        let v1::ReplaySessionRequest { session_id, from_revision, to_revision, include_mesh, verify } =
+            request;
+        let query = format!(
+            "/replay?from_revision={from_revision}&to_revision={to_revision}&include_mesh={include_mesh}&verify={verify}"
+        );
+        let response = accepted(self.http.get(&path(&session_id, &query))).await?;
+        let text = soon("all steps", response.text()).await.unwrap();
+        Ok(text.lines().map(from_json).collect())
     }
 
     /// A page of events.

@@ -74,7 +74,10 @@ fn statuses(reason: &str) -> (Code, u16) {
         "SESSION_EXISTS" | "REQUEST_ID_REUSED" => (Code::AlreadyExists, 409),
         "REVISION_MISMATCH" => (Code::Aborted, 409),
         "ETAG_MISMATCH" => (Code::Aborted, 412),
-        "NO_VISUAL_PRIOR" | "SESSION_FULL" | "SESSION_QUARANTINED" => (Code::FailedPrecondition, 409),
+        "NO_VISUAL_PRIOR" | "SESSION_FINISHED" | "SESSION_FULL" | "SESSION_QUARANTINED" => {
+            (Code::FailedPrecondition, 409)
+        }
+        "ETAG_MISSING" => (Code::FailedPrecondition, 428),
         "QUOTA" | "QUEUE_FULL" => (Code::ResourceExhausted, 429),
         "TOO_LARGE" => (Code::ResourceExhausted, 413),
         "OVERLOADED" => (Code::ResourceExhausted, 503),
