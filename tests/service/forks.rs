@@ -145,6 +145,9 @@ async fn a_fork_of_a_fork_of_a_finished_session_with_a_retraction_knows_where_it
     assert_eq!(names, ["second", "first"]);
     let request = v1::ReplaySessionRequest { session_id: "third".into(), verify: true, ..Default::default() };
     assert!(caller.replay(request).await.unwrap().iter().all(|step| step.hash_matches));
+    // Also between an event and its retraction each revision is what it was.
+    let parent = caller.log("first").await;
+    assert_eq!(hashes(&log[..5]), hashes(&parent[..5]));
 }
 
 #[tokio::test]

@@ -125,19 +125,13 @@ pub(super) fn creation(
 }
 
 /// What an event of the original comes to in the copy.
-pub(super) fn carry(
-    limits: Arc<Limits>,
-) -> impl Fn(&Snapshot, &Event, bool) -> Result<Carried<Snapshot>, Error> {
-    move |before, row, is_retracted| {
-        let failed = |error: Error| {
+pub(super) fn carry(limits: Arc<Limits>) -> impl Fn(&Snapshot, &Event) -> Result<Carried<Snapshot>, Error> {
+    move |before, row| {
+        let kind = event::kind(row.seq, &row.payload).map_err(|error| Error::internal(error.to_string()))?;
+        carried(before, row, kind, &limits).map_err(|error| {
             let description = format!("event {} cannot be taken over with it: {error}", row.seq);
             Error::field("config", description)
-        };
-        let kind = event::kind(row.seq, &row.payload).map_err(|error| Error::internal(error.to_string()))?;
-        if is_retracted {
-            return Ok(carried_without(before, row, kind));
-        }
-        carried(before, row, kind, &limits).map_err(failed)
+        })
     }
 }
 
@@ -164,15 +158,4 @@ fn carried(before: &Snapshot, row: &Event, kind: Kind, limits: &Limits) -> Resul
         }
     };
     Ok((event::encode(kind), computed))
-}
-
-/// An event that was retracted, which the copy keeps and does not count.
-fn carried_without(before: &Snapshot, row: &Event, kind: Kind) -> Carried<Snapshot> {
-    let after = before.noted(row.append_us);
-    let session = Some(to_proto::session(&after));
-    let reply = match &kind {
-        Kind::VisualPrior(_) => v1::AddVisualPriorResponse { session, ..Default::default() }.encode_to_vec(),
-        _ => v1::ReportContactResponse { session, seq: row.seq, ..Default::default() }.encode_to_vec(),
-    };
-    (event::encode(kind), Computed { reply, ..computed(after, &v1::Session::default()) })
 }

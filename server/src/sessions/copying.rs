@@ -21,7 +21,7 @@ use super::{
 use crate::compute::Queue;
 use crate::error::Error;
 use crate::session::now_us;
-use crate::store::{Event, Import, Link, NewSession, StoreError, first_link};
+use crate::store::{Event, Import, Link, NewSession, SessionHead, StoreError, first_link};
 
 /// Events that are computed anew in one job, so that a long log does not keep a thread from others.
 const PAGE: i64 = 16;
@@ -46,8 +46,8 @@ pub(crate) enum Original {
     Events(Vec<Event>),
 }
 
-/// What an event of the original comes to after the state before it; the last argument says whether it was retracted.
-pub(crate) type Carry<S> = Arc<dyn Fn(&S, &Event, bool) -> Result<Carried<S>, Error> + Send + Sync>;
+/// What an event of the original comes to after the state before it, which is without what a retraction retracts.
+pub(crate) type Carry<S> = Arc<dyn Fn(&S, &Event) -> Result<Carried<S>, Error> + Send + Sync>;
 
 /// An event of a copy.
 pub(crate) type Carried<S> = (StoredEvent, Computed<S>);
@@ -96,14 +96,18 @@ impl<S: Aggregate + Clone> Sessions<S> {
         let link = first_link(&session_id);
         let (mut state, mut head, first) = recorded(computed, &request, event, &actor, &link);
         let mut events = vec![first];
-        let retractions = self.retractions_of(&original).await?;
         let deadline = Instant::now() + self.limits.recompute_timeout;
         while let Some(page) = self.next_page(&mut original, events.len() as i64).await? {
-            let (carry, retractions) = (carry.clone(), retractions.clone());
-            let compute = move || carry_page(&carry, state, &page, &retractions);
-            let carried = self.pool.run(Queue::READERS, &session_id, deadline, compute).await??;
-            events.extend(carried.events);
-            (state, head) = (carried.state, carried.head.unwrap_or(head));
+            for rows in page.chunk_by(|before, row| !self.is_retraction(before) && !self.is_retraction(row)) {
+                if rows.iter().any(|row| self.is_retraction(row)) {
+                    state = self.without_retracted(&session_id, &events, &rows[0], deadline).await?;
+                }
+                let (carry, rows) = (carry.clone(), rows.to_vec());
+                let compute = move || carry_all(&carry, state, &rows);
+                let carried = self.pool.run(Queue::READERS, &session_id, deadline, compute).await??;
+                events.extend(carried.events);
+                (state, head) = (carried.state, carried.head.unwrap_or(head));
+            }
             self.check_size(&events)?;
         }
         events[0].reply = reply(&state);
@@ -126,18 +130,7 @@ impl<S: Aggregate + Clone> Sessions<S> {
         self.check_size(&events)?;
         let retractions = Retractions::among(&events, self.folding.retracts);
         let deadline = Instant::now() + self.limits.recompute_timeout;
-        let mut folded = Folded { state: None, head: Head::empty(&session_id), damage: None };
-        for page in events.chunks(PAGE as usize) {
-            let (folding, id, page, left_out) =
-                (self.folding, session_id.clone(), page.to_vec(), retractions.clone());
-            let fold = move || fold_page(folding, &id, folded, &page, &left_out);
-            folded = self.pool.run(Queue::READERS, &session_id, deadline, fold).await?;
-            if let Some(damage) = &folded.damage {
-                let description = format!("holds a log that cannot be taken over: {}", damage.reason);
-                return Err(Error::field("data", description));
-            }
-        }
-        let state = folded.state.ok_or_else(|| Error::field("data", "holds a log without events"))?;
+        let state = self.fold_all(&session_id, &events, &retractions, deadline).await?;
         let Created { event: _, computed, experiment, labels } = describe((*state).clone());
         let (state, mut head, described) =
             recorded(computed, &request, ("", Vec::new()), "", &first_link(&session_id));
@@ -176,11 +169,47 @@ impl<S: Aggregate + Clone> Sessions<S> {
         }
     }
 
-    async fn retractions_of(&self, original: &Original) -> Result<Retractions, Error> {
-        match original {
-            Original::Session(session_id, revision) => self.retractions(session_id, *revision).await,
-            Original::Events(events) => Ok(Retractions::among(events, self.folding.retracts)),
+    fn is_retraction(&self, row: &Event) -> bool {
+        (self.folding.retracts)(row).is_some()
+    }
+
+    /// The state that the events of a copy give once `retraction` counts as well.
+    async fn without_retracted(
+        &self,
+        session_id: &str,
+        events: &[Event],
+        retraction: &Event,
+        deadline: Instant,
+    ) -> Result<S, Error> {
+        let retracts = self.folding.retracts;
+        let mut retractions = Retractions::among(events, retracts);
+        if let Some(seq) = retracts(retraction) {
+            retractions = retractions.and(retraction.seq, seq);
         }
+        let folded = self.fold_all(session_id, events, &retractions, deadline).await?;
+        Ok((*folded).clone())
+    }
+
+    /// The state that all events give together, and each on the way the one that it recorded.
+    async fn fold_all(
+        &self,
+        session_id: &str,
+        events: &[Event],
+        retractions: &Retractions,
+        deadline: Instant,
+    ) -> Result<Arc<S>, Error> {
+        let mut folded = Folded { state: None, head: Head::empty(session_id), damage: None };
+        for page in events.chunks(PAGE as usize) {
+            let (folding, id, page, left_out) =
+                (self.folding, session_id.to_owned(), page.to_vec(), retractions.clone());
+            let fold = move || fold_page(folding, &id, folded, &page, &left_out);
+            folded = self.pool.run(Queue::READERS, session_id, deadline, fold).await?;
+            if let Some(damage) = &folded.damage {
+                let description = format!("holds a log that cannot be taken over: {}", damage.reason);
+                return Err(Error::field("data", description));
+            }
+        }
+        folded.state.ok_or_else(|| Error::field("data", "holds a log without events"))
     }
 
     /// The events after the event `after`; nothing where there are no more.
@@ -205,27 +234,22 @@ impl<S: Aggregate + Clone> Sessions<S> {
     }
 }
 
-struct CarriedPage<S> {
+struct CarriedAll<S> {
     state: S,
-    head: Option<crate::store::SessionHead>,
+    head: Option<SessionHead>,
     events: Vec<Event>,
 }
 
-fn carry_page<S: Aggregate>(
-    carry: &Carry<S>,
-    mut state: S,
-    page: &[Event],
-    retractions: &Retractions,
-) -> Result<CarriedPage<S>, Error> {
+fn carry_all<S: Aggregate>(carry: &Carry<S>, mut state: S, rows: &[Event]) -> Result<CarriedAll<S>, Error> {
     let nobody = RequestKey { id: String::new(), digest: Vec::new() };
-    let (mut head, mut events) = (None, Vec::with_capacity(page.len()));
-    for row in page {
-        let (event, computed) = carry(&state, row, retractions.leaves_out(row.seq))?;
+    let (mut head, mut events) = (None, Vec::with_capacity(rows.len()));
+    for row in rows {
+        let (event, computed) = carry(&state, row)?;
         let (after, new_head, new) = recorded(computed, &nobody, event, &row.actor, &Link::default());
         (state, head) = (after, Some(new_head));
         events.push(new);
     }
-    Ok(CarriedPage { state, head, events })
+    Ok(CarriedAll { state, head, events })
 }
 
 fn last_link(session_id: &str, events: &[Event]) -> Link {
