@@ -11,6 +11,7 @@ mod bad_input;
 mod browsers;
 mod clouds;
 mod clutter;
+mod commands;
 mod concurrency;
 mod connections;
 mod contact_faults;
