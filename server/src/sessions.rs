@@ -160,7 +160,11 @@ impl<S: Aggregate> Sessions<S> {
     ///
     /// # Errors
     /// No such session, or its log could not be read in time.
-    pub(crate) async fn newest(&self, session_id: &str, deadline: Instant) -> Result<Arc<S>, Error> {
+    pub(crate) async fn newest(
+        self: &Arc<Self>,
+        session_id: &str,
+        deadline: Instant,
+    ) -> Result<Arc<S>, Error> {
         Ok(self.open(session_id, Queue::ROBOTS, deadline).await?.1.borrow().clone())
     }
 
@@ -173,7 +177,11 @@ impl<S: Aggregate> Sessions<S> {
     ///
     /// # Errors
     /// No such session, or its log could not be read in time.
-    pub(crate) async fn subscribe(&self, session_id: &str, deadline: Instant) -> Result<States<S>, Error> {
+    pub(crate) async fn subscribe(
+        self: &Arc<Self>,
+        session_id: &str,
+        deadline: Instant,
+    ) -> Result<States<S>, Error> {
         Ok(self.open(session_id, Queue::WATCHERS, deadline).await?.1)
     }
 
@@ -182,13 +190,14 @@ impl<S: Aggregate> Sessions<S> {
     /// # Errors
     /// No such session or revision, or its log could not be read in time.
     pub(crate) async fn at_revision(
-        &self,
+        self: &Arc<Self>,
         session_id: &str,
         revision: i64,
         queue: Queue,
         deadline: Instant,
     ) -> Result<Arc<S>, Error> {
-        let newest = self.open(session_id, queue, deadline).await?.1.borrow().clone();
+        let (live, states) = self.open(session_id, queue, deadline).await?;
+        let newest = states.borrow().clone();
         let head = newest.revision();
         if revision == 0 || revision == head {
             return Ok(newest);
@@ -200,16 +209,14 @@ impl<S: Aggregate> Sessions<S> {
             let description = format!("{revision} is not between 1 and the session's revision {head}");
             return Err(Error::field("revision", description));
         }
-        // Each event is checked by the one before it, so where the kept state ends need not be known.
-        let retractions = self.retractions(session_id, revision).await?;
-        let nearest = self.past.nearest(&*newest, revision, |kept| retractions.agree_at(kept));
-        let nearest = nearest.map(|state| Replayed { state, head: Head::empty(session_id) });
-        let state = self.replay(session_id, nearest, revision, queue, deadline).await?.state;
-        self.past.keep(state.clone());
-        Ok(state)
+        self.past_state(live, newest, revision, queue, deadline).await
     }
 
-    async fn change_in_order(&self, change: &Change<S>, deadline: Instant) -> Result<Reply, Error> {
+    async fn change_in_order(
+        self: &Arc<Self>,
+        change: &Change<S>,
+        deadline: Instant,
+    ) -> Result<Reply, Error> {
         let Change { session_id, request, expected_revision, actor, compute } = change;
         self.refuse_while_stopping()?;
         for _ in 0..ATTEMPTS {
@@ -278,21 +285,29 @@ impl<S: Aggregate> Sessions<S> {
         first.map(|first| answered_before(request, &first.request_digest, first.reply)).transpose()
     }
 
-    /// The session in memory, replayed from its log if it was not there.
+    /// The session in memory, replayed from its log if it was not there. The replay goes on when its caller stops
+    /// waiting, so that a session opens in the end however short the deadlines are.
     async fn open(
-        &self,
+        self: &Arc<Self>,
         session_id: &str,
         queue: Queue,
         deadline: Instant,
     ) -> Result<(Arc<Live<S>>, States<S>), Error> {
         let live = self.live.get(session_id);
-        match live.load(|| self.replay(session_id, None, i64::MAX, queue, deadline)).await {
-            Ok(states) => Ok((live, states)),
-            Err(error) => {
-                self.live.forget(session_id, &live);
-                Err(error)
-            }
+        if let Some(states) = live.states() {
+            return Ok((live, states));
         }
+        let (this, loading, id) = (self.clone(), live.clone(), session_id.to_owned());
+        let load = detached(async move {
+            let until = Instant::now() + this.limits.recompute_timeout;
+            let loaded = loading.load(|| this.replay(&id, None, i64::MAX, queue, until)).await;
+            if loaded.is_err() {
+                this.live.forget(&id, &loading);
+            }
+            loaded
+        });
+        let states = tokio::time::timeout_at(deadline, load).await.unwrap_or(Err(Error::DeadlineExceeded))?;
+        Ok((live, states))
     }
 
     fn session_is_full(&self) -> Error {

@@ -40,6 +40,7 @@ mod meshes;
 mod motions;
 mod not_yet;
 mod openapi;
+mod opening;
 mod operations;
 mod outcomes;
 mod program;

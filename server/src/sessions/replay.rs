@@ -105,7 +105,7 @@ impl<S: Aggregate> Sessions<S> {
         start: Folded<S>,
         end: i64,
         retractions: &Retractions,
-        queue: Queue,
+        mut queue: Queue,
         deadline: Instant,
     ) -> Result<Folded<S>, Error> {
         let session_id = row.session_id.as_str();
@@ -129,6 +129,8 @@ impl<S: Aggregate> Sessions<S> {
             if folded.damage.is_some() {
                 return Ok(folded);
             }
+            // What has begun is not given up because others came meanwhile.
+            queue = queue.patient();
         }
         let last = folded.revision();
         if end < row.head && last == end {
