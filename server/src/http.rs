@@ -4,6 +4,7 @@
 //! declared twice. Handlers read a request, ask [`Api`] and write the answer; they decide nothing.
 //! Every answer that is not a success is a problem document (RFC 9457).
 
+pub(crate) mod dry_run;
 mod events;
 mod examples;
 mod exploration;

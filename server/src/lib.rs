@@ -7,6 +7,7 @@ mod api;
 mod compute;
 mod cors;
 mod depth;
+pub mod dry_run;
 mod error;
 mod grpc;
 mod http;

@@ -107,6 +107,11 @@ async fn a_bad_view_is_refused_by_name_and_changes_nothing() {
         let nothing = v1::AddVisualPriorRequest { prior: None, request_id: "bad".into(), ..prior("ball") };
         check(caller.add_prior(nothing).await, "no view", "prior", INVALID);
     }
+    // It has no form in JSON, so nobody can send it there.
+    let late = Some(palpate_proto::Timestamp { seconds: 253_402_300_800, nanos: 0 });
+    let view = v1::VisualPrior { capture_time: late, ..cap() };
+    let request = v1::AddVisualPriorRequest { prior: Some(view), request_id: "bad".into(), ..prior("ball") };
+    check(server.grpc().add_prior(request).await, "the year 10000", "prior.capture_time", INVALID);
     assert_eq!(server.grpc().get("ball").await.unwrap(), before);
 }
 
@@ -184,7 +189,7 @@ async fn a_bad_contact_is_refused_by_name_and_changes_nothing() {
     assert_eq!(server.grpc().log("ball").await.len(), 2);
 }
 
-const BAD_RESULTS: [Case<v1::ContactResult>; 9] = [
+const BAD_RESULTS: [Case<v1::ContactResult>; 10] = [
     ("no outcome", "result.outcome", INVALID, |result| result.outcome = None),
     ("an id that nobody made", "result.candidate_id", INVALID, |result| result.candidate_id = "417".into()),
     ("a damaged id", "result.candidate_id", INVALID, |result| {
@@ -195,6 +200,9 @@ const BAD_RESULTS: [Case<v1::ContactResult>; 9] = [
     }),
     ("a time with too many nanoseconds", "result.observe_time", INVALID, |result| {
         result.observe_time = Some(palpate_proto::Timestamp { seconds: 1, nanos: -1 });
+    }),
+    ("a time that JSON cannot write", "result.observe_time", INVALID, |result| {
+        result.observe_time = Some(palpate_proto::Timestamp { seconds: i64::MAX, nanos: 0 });
     }),
     ("a sweep to nowhere", "result.no_contact.swept_to", NON_FINITE, |result| {
         sweep(result).swept_to.as_mut().unwrap().x = f64::NAN;
@@ -223,7 +231,7 @@ async fn a_bad_report_is_refused_by_name_and_changes_nothing() {
     for transport in Transport::BOTH {
         let caller = server.caller(transport);
         for (what, field, reason, spoil) in BAD_RESULTS {
-            // A negative part of a second has no form in JSON, so nobody can send it there.
+            // Neither of these times has a form in JSON, so nobody can send it there.
             if transport == Transport::Http && field == "result.observe_time" {
                 continue;
             }

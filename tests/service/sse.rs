@@ -69,6 +69,10 @@ async fn a_stream_may_begin_anywhere_and_bring_meshes() {
     assert_eq!(nonsense.fields, ["Last-Event-ID"]);
     let paged = server.http().get(path);
     assert_eq!(accepted(paged).await.unwrap_err().reason, "FIELD_INVALID", "these belong to the stream");
+    for id in ["1", "W+@6"] {
+        let resumed = server.http().get("/v1/sessions/ball/events").header("last-event-id", id);
+        assert_eq!(accepted(resumed).await.unwrap_err().fields, ["Last-Event-ID"], "so does this");
+    }
 }
 
 #[tokio::test]

@@ -1,17 +1,19 @@
 //! Objects from files: PLY, STL and OBJ, told apart by their ending. Units are metres.
 
-use std::fs::File;
-use std::io::{self, BufReader};
+use std::io::{self, Cursor};
 use std::path::{Path, PathBuf};
 
 use palpate_core::geometry::{Point, TriangleMesh};
-use ply_rs_bw::parser::Parser;
-use ply_rs_bw::ply::{DefaultElement, Property};
+use ply_rs_bw::parser::{Parser, Reader};
+use ply_rs_bw::ply::{DefaultElement, ElementDef, Property};
 
 use crate::body::{Body, BodyError};
 
 /// The endings of the files that can be read.
 pub const EXTENSIONS: [&str; 3] = ["ply", "stl", "obj"];
+
+/// What makes a mesh of the bytes of a file.
+type ReadMesh = fn(&[u8]) -> Result<TriangleMesh, MeshProblem>;
 
 /// Why a file does not give an object.
 #[derive(Debug, thiserror::Error)]
@@ -57,18 +59,38 @@ pub fn read(path: &Path, scale: f64) -> Result<Body, MeshFileError> {
 }
 
 fn read_body(path: &Path, scale: f64) -> Result<Body, MeshProblem> {
-    if !(scale.is_finite() && scale > 0.0) {
-        return Err(MeshProblem::BadScale(scale));
-    }
     let extension = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
-    let read = match extension.to_ascii_lowercase().as_str() {
-        "ply" => read_ply,
-        "stl" => read_stl,
-        "obj" => read_obj,
-        _ => return Err(MeshProblem::UnknownFormat),
-    };
-    let file = File::open(path).map_err(MeshProblem::Unreadable)?;
-    let mut mesh = read(&mut BufReader::new(file))?;
+    let reader = reader(extension)?;
+    check_scale(scale)?;
+    let bytes = std::fs::read(path).map_err(MeshProblem::Unreadable)?;
+    body(reader(&bytes)?, scale)
+}
+
+/// Reads a closed mesh out of the bytes of a file with this ending, one of [`EXTENSIONS`], and scales it to metres.
+///
+/// # Errors
+/// What is wrong with the bytes, the ending or the scale.
+pub fn parse(extension: &str, bytes: &[u8], scale: f64) -> Result<Body, MeshProblem> {
+    let reader = reader(extension)?;
+    check_scale(scale)?;
+    body(reader(bytes)?, scale)
+}
+
+fn check_scale(scale: f64) -> Result<(), MeshProblem> {
+    if scale.is_finite() && scale > 0.0 { Ok(()) } else { Err(MeshProblem::BadScale(scale)) }
+}
+
+/// What reads a file with this ending.
+fn reader(extension: &str) -> Result<ReadMesh, MeshProblem> {
+    match extension.to_ascii_lowercase().as_str() {
+        "ply" => Ok(read_ply),
+        "stl" => Ok(read_stl),
+        "obj" => Ok(read_obj),
+        _ => Err(MeshProblem::UnknownFormat),
+    }
+}
+
+fn body(mut mesh: TriangleMesh, scale: f64) -> Result<Body, MeshProblem> {
     mesh.vertices.iter_mut().for_each(|vertex| vertex.coords *= scale);
     Ok(Body::new(&mesh)?)
 }
@@ -77,9 +99,17 @@ fn malformed(format: &'static str, reason: &impl ToString) -> MeshProblem {
     MeshProblem::Malformed { format, reason: reason.to_string() }
 }
 
-fn read_ply(file: &mut BufReader<File>) -> Result<TriangleMesh, MeshProblem> {
-    let ply = Parser::<DefaultElement>::new().read_ply(file).map_err(|error| malformed("PLY", &error))?;
-    let elements = |name: &str| ply.payload.get(name).map_or(&[][..], Vec::as_slice);
+fn read_ply(file: &[u8]) -> Result<TriangleMesh, MeshProblem> {
+    let (parser, mut reader) = (Parser::<DefaultElement>::new(), Reader::new(file));
+    let header = parser.read_header(&mut reader).map_err(|error| malformed("PLY", &error))?;
+    // One without properties takes no bytes, so that a short file could declare any number of them.
+    if let Some(element) = header.elements.values().find(|element| element.count > file.len()) {
+        let ElementDef { name, count, .. } = element;
+        let reason = format!("the file declares {count} of {name}, more than it has bytes");
+        return Err(malformed("PLY", &reason));
+    }
+    let payload = parser.read_payload(&mut reader, &header).map_err(|error| malformed("PLY", &error))?;
+    let elements = |name: &str| payload.get(name).map_or(&[][..], Vec::as_slice);
     let mut mesh = TriangleMesh::default();
     for vertex in elements("vertex") {
         let coordinate = |name: &str| {
@@ -137,15 +167,15 @@ fn add_polygon(mesh: &mut TriangleMesh, corners: &[i64]) -> Result<(), String> {
     Ok(())
 }
 
-fn read_stl(file: &mut BufReader<File>) -> Result<TriangleMesh, MeshProblem> {
-    let stl = stl_io::read_stl(file).map_err(|error| malformed("STL", &error))?;
+fn read_stl(file: &[u8]) -> Result<TriangleMesh, MeshProblem> {
+    let stl = stl_io::read_stl(&mut Cursor::new(file)).map_err(|error| malformed("STL", &error))?;
     Ok(TriangleMesh {
         vertices: stl.vertices.iter().map(|vertex| Point::from(vertex.0.map(f64::from))).collect(),
         faces: stl.faces.iter().map(|face| face.vertices.map(|vertex| vertex as u32)).collect(),
     })
 }
 
-fn read_obj(file: &mut BufReader<File>) -> Result<TriangleMesh, MeshProblem> {
+fn read_obj(mut file: &[u8]) -> Result<TriangleMesh, MeshProblem> {
     let options = tobj::LoadOptions {
         triangulate: true,
         ignore_points: true,
@@ -155,7 +185,7 @@ fn read_obj(file: &mut BufReader<File>) -> Result<TriangleMesh, MeshProblem> {
     // Materials are of no interest to a finger.
     let no_materials = |_: &Path| Ok((Vec::new(), Default::default()));
     let (models, _) =
-        tobj::load_obj_buf(file, &options, no_materials).map_err(|error| malformed("OBJ", &error))?;
+        tobj::load_obj_buf(&mut file, &options, no_materials).map_err(|error| malformed("OBJ", &error))?;
     let mut mesh = TriangleMesh::default();
     for model in models {
         let first = mesh.vertices.len() as u32;
@@ -169,6 +199,7 @@ fn read_obj(file: &mut BufReader<File>) -> Result<TriangleMesh, MeshProblem> {
 
 #[cfg(test)]
 mod tests {
+    use std::fs::File;
     use std::io::Write;
 
     use super::*;
@@ -244,6 +275,16 @@ mod tests {
         let body = read_bytes("a.obj", millimetres.as_bytes(), 0.001).unwrap();
         assert!((body.mesh().volume() - 1e-3 / 6.0).abs() < 1e-9);
         assert!(read_bytes("a.obj", millimetres.as_bytes(), -1.0).is_err());
+    }
+
+    #[test]
+    fn a_short_ply_file_that_declares_billions_of_vertices_is_refused_before_they_are_read() {
+        for property in ["", "property float x\n"] {
+            let header = "format binary_little_endian 1.0\nelement vertex 430000000076770\n";
+            let file = format!("ply\n{header}{property}end_header\n");
+            let refused = parse("ply", file.as_bytes(), 1.0).unwrap_err().to_string();
+            assert!(refused.contains("430000000076770 of vertex"), "{refused}");
+        }
     }
 
     #[test]

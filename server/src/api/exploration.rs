@@ -177,8 +177,7 @@ pub(super) fn absorb_prior(
     at_us: i64,
 ) -> Result<Computed<Snapshot>, Error> {
     let from_proto::Prior { evidence, finite, non_finite, repeated, flying, voxel_m, mut warnings } =
-        from_proto::visual_prior(path, prior)?;
-    from_proto::check_least_size(path, evidence.points())?;
+        from_proto::sent_prior(path, prior)?;
     let added = before.add_view(&evidence, prior.keep_clutter, at_us);
     let (after, AddedView { update, accepted, edge_m, clutter }) =
         added.map_err(|error| refused(path, error))?;
@@ -223,7 +222,7 @@ pub(super) fn absorb_result(
         return Err(Error::SessionFull { limit: limits.contacts });
     }
     let from_proto::Reported { evidence, mut warnings } =
-        from_proto::reported(result, &before.definition, before.revision, limits)?;
+        from_proto::sent_report(result, &before.definition, before.revision, limits)?;
     let absorbed = before.absorb(evidence, &result.candidate_id, at_us);
     let (after, update) = absorbed.map_err(|error| refused("result", error))?;
     warnings.extend(update.warnings);

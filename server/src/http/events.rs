@@ -24,12 +24,15 @@ use crate::peer;
 /// A comment is sent after this long without an event, so that a dead connection is noticed.
 const HEARTBEAT: Duration = Duration::from_secs(15);
 
+const LAST_EVENT_ID: HeaderName = HeaderName::from_static("last-event-id");
+
 /// Which events, and how.
 #[derive(Deserialize, utoipa::IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(super) struct EventsParams {
     /// Page only: at most this many events; larger values are capped.
+    #[param(minimum = 0)]
     page_size: Option<i32>,
     /// Page only: `next_page_token` of the page before.
     page_token: Option<String>,
@@ -74,16 +77,25 @@ pub(super) async fn get(
         let call = Call { peer: peer::address(&extensions), ..Call::default() };
         stream(&api, session_id, params, &headers, call).await
     } else {
-        page(&api, session_id, params).await
+        page(&api, session_id, params, &headers).await
     }
 }
 
-async fn page(api: &Api, session_id: String, params: EventsParams) -> Result<Response, Problem> {
+async fn page(
+    api: &Api,
+    session_id: String,
+    params: EventsParams,
+    headers: &HeaderMap,
+) -> Result<Response, Problem> {
     let EventsParams { page_size, page_token, include_points, after_revision, include_mesh } = params;
     refuse_other_form(
         after_revision.is_some() || include_mesh.is_some(),
         "after_revision and include_mesh belong to the stream: add the header Accept: text/event-stream",
     )?;
+    if headers.contains_key(LAST_EVENT_ID) {
+        let reason = "belongs to the stream: add the header Accept: text/event-stream";
+        return Err(Error::field("Last-Event-ID", reason).into());
+    }
     let request = v1::ListEventsRequest {
         session_id,
         page_size: page_size.unwrap_or_default(),
@@ -155,7 +167,7 @@ fn problem_event(error: Error) -> Event {
 }
 
 fn last_event_id(headers: &HeaderMap) -> Result<Option<i64>, Error> {
-    let Some(id) = text(headers, &HeaderName::from_static("last-event-id")) else { return Ok(None) };
+    let Some(id) = text(headers, &LAST_EVENT_ID) else { return Ok(None) };
     id.parse().map(Some).map_err(|_| Error::field("Last-Event-ID", format!("{id:?} is not a revision")))
 }
 

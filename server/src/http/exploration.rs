@@ -3,6 +3,7 @@
 use axum::extract::{Path, Request, State};
 use http::{HeaderMap, Uri};
 use palpate_proto::v1;
+use serde_json::Value;
 
 use super::extract::{
     Params, content_type, file_body, fill_request_id, fill_session_id, json_body, unsupported,
@@ -52,11 +53,7 @@ pub(super) async fn add_prior(
                 let reason = "a JSON body says everything itself: move the query parameters into it";
                 return Err(Error::field("query", reason).into());
             }
-            let read = |mut body| {
-                json_points::pack(&mut body)?;
-                from_json(&body)
-            };
-            json_body(request, api.limits(), read).await?
+            json_body(request, api.limits(), prior_from_json).await?
         }
         media_type => match view_file::encoding(media_type, &params) {
             Some(encoding) => view_file::request(encoding, file_body(request, api.limits()).await?, params)?,
@@ -66,6 +63,12 @@ pub(super) async fn add_prior(
     fill_session_id(&mut message.session_id, session_id)?;
     fill_request_id(&mut message.request_id, &headers)?;
     Ok(ProtoJson(api.add_visual_prior(message, Call::default()).await?))
+}
+
+/// A view as a script writes it, whose points may be arrays of numbers.
+pub(super) fn prior_from_json(mut body: Value) -> Result<v1::AddVisualPriorRequest, Error> {
+    json_points::pack(&mut body)?;
+    from_json(&body)
 }
 
 /// Propose where to touch next

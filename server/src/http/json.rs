@@ -27,23 +27,32 @@ pub(super) async fn parsed<T: Send + 'static>(
     limits: &Limits,
     read: impl FnOnce(Value) -> Result<T, Error> + Send + 'static,
 ) -> Result<T, Problem> {
-    let is_small = body.len() <= INLINE_JSON_BYTES;
-    let most = Parts { fields: limits.json_fields, values: limits.json_values };
-    let parse = move || {
-        Parts::of(&body).check(&most)?;
-        let json = serde_json::from_slice(&body)
-            .map_err(|error| Problem::unparsable(format!("the body is not JSON: {error}")))?;
-        Ok(read(json)?)
-    };
-    if is_small {
-        return parse();
+    if body.len() <= INLINE_JSON_BYTES {
+        return parse(&body, limits, read);
     }
+    let limits = limits.clone();
     let turn = LARGE.clone().acquire_owned().await.map_err(|_closed| Error::Draining)?;
     let parsing = tokio::task::spawn_blocking(move || {
         let _turn = turn;
-        parse()
+        parse(&body, &limits, read)
     });
     parsing.await.map_err(|failure| Error::internal(format!("a body could not be parsed: {failure}")))?
+}
+
+/// The same at once, however large the body is.
+///
+/// # Errors
+/// As [`parsed`].
+pub(super) fn parse<T>(
+    body: &[u8],
+    limits: &Limits,
+    read: impl FnOnce(Value) -> Result<T, Error>,
+) -> Result<T, Problem> {
+    let most = Parts { fields: limits.json_fields, values: limits.json_values };
+    Parts::of(body).check(&most)?;
+    let json = serde_json::from_slice(body)
+        .map_err(|error| Problem::unparsable(format!("the body is not JSON: {error}")))?;
+    Ok(read(json)?)
 }
 
 /// How many parts a body has.

@@ -20,6 +20,9 @@ use crate::wire::CONTRACT;
 /// Much larger than the page of the documentation.
 const PAGE_BYTES: usize = 1 << 20;
 
+/// What a session that exists may be called.
+const SESSION_ID: &str = "^[A-Za-z0-9._-]{1,63}$";
+
 /// What the page of the documentation needs: its own scripts, and styles and pictures that these make.
 const PAGE_POLICY: HeaderValue = HeaderValue::from_static(
     "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; \
@@ -93,6 +96,7 @@ fn complete(operation: &mut Value) {
     let parameters = operation.get_mut("parameters").and_then(Value::as_array_mut);
     for parameter in parameters.into_iter().flatten().filter(|parameter| parameter["name"] == "session_id") {
         parameter["example"] = examples::SESSION_ID.into();
+        parameter["schema"]["pattern"] = SESSION_ID.into();
     }
 }
 

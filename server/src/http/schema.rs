@@ -20,6 +20,9 @@ pub(super) fn schemas(contract: &DescriptorPool) -> Map<String, Value> {
     messages.chain(enums).collect()
 }
 
+/// What a new session may be called, or nothing for a UUID, which the log then has here.
+const NEW_SESSION_ID: &str = "^([a-z0-9][a-z0-9-]{2,62})?$";
+
 /// Messages that are always set in what the server sends, and the fields that it insists on in a request.
 const REQUIRED: [(&str, &[&str]); 16] = [
     ("Session", &["config", "stats", "create_time", "update_time"]),
@@ -118,6 +121,8 @@ fn field_schema(field: &FieldDescriptor) -> Value {
         json!({ "type": "array", "items": kind_schema(&field.kind()) })
     } else if field.full_name() == "palpate.v1.VisualPrior.points" {
         points_schema()
+    } else if field.full_name() == "palpate.v1.CreateSessionRequest.session_id" {
+        json!({ "type": "string", "pattern": NEW_SESSION_ID })
     } else {
         kind_schema(&field.kind())
     };

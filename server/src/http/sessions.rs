@@ -56,6 +56,7 @@ pub(super) struct ListParams {
     /// Only sessions that carry all of these labels: `object:bottle,strategy:random`.
     labels: Option<String>,
     /// At most this many; larger values are capped.
+    #[param(minimum = 0)]
     page_size: Option<i32>,
     /// `next_page_token` of the page before.
     page_token: Option<String>,

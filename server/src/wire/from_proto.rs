@@ -17,12 +17,15 @@ use crate::error::{Error, FieldViolation};
 use crate::limits::{Limits, SESSION_ID_BYTES};
 use crate::text::{is_forbidden_in_names, quoted};
 
-pub(crate) use contact::{Reported, reported};
+pub(crate) use contact::{Reported, reported, sent_report};
 pub(crate) use definition::{check_labels, check_session_id, definition, fork};
 pub(crate) use lease::{lease_duration, leases};
-pub(crate) use prior::{Prior, is_readable, visual_prior};
+pub(crate) use prior::{Prior, is_readable, sent_prior, visual_prior};
 pub(crate) use robot::exploration_request;
-pub(crate) use size::{check_least_size, check_size};
+pub(crate) use size::check_size;
+
+/// The years 1 to 9999 in seconds since 1970, UTC: what a time in JSON may say.
+const SHOWABLE_SECONDS: std::ops::RangeInclusive<i64> = -62_135_596_800..=253_402_300_799;
 
 /// The method's complaint about a field, with the path at which the caller wrote it.
 fn at(path: &str, error: FieldError) -> Error {
@@ -70,6 +73,18 @@ pub(crate) fn check_name(field: &str, name: &str, limits: &Limits) -> Result<(),
             let description = format!(
                 "has the character U+{number:04X}: leave out control characters and bidirectional marks"
             );
+            Err(Error::field(field, description))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Refuses a time that JSON cannot write: it would be in the log, and no list of events could show it. Asked where it is
+/// sent, not where a log is replayed.
+fn check_showable(field: &str, time: Option<&Timestamp>) -> Result<(), Error> {
+    match time {
+        Some(Timestamp { seconds, nanos: _ }) if !SHOWABLE_SECONDS.contains(seconds) => {
+            let description = format!("{seconds} s since 1970 are not within the years 1 to 9999");
             Err(Error::field(field, description))
         }
         _ => Ok(()),

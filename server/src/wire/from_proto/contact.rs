@@ -8,7 +8,7 @@ use palpate_core::warning::{Warning, WarningKind};
 use palpate_proto::v1;
 
 use super::geometry::{optional_vector, point, pose, vector};
-use super::{at, check_name, check_text, check_timestamp};
+use super::{at, check_name, check_showable, check_text, check_timestamp};
 use crate::error::Error;
 use crate::limits::{Limits, OPAQUE_BYTES};
 use crate::session::{Definition, Sensor};
@@ -20,6 +20,20 @@ use crate::wire::candidate_id;
 pub(crate) struct Reported {
     pub(crate) evidence: Evidence,
     pub(crate) warnings: Vec<Warning>,
+}
+
+/// Reads a report that is sent now, of which more is asked than of one that is in a log.
+///
+/// # Errors
+/// As [`reported`], or a time that cannot be shown.
+pub(crate) fn sent_report(
+    result: &v1::ContactResult,
+    definition: &Definition,
+    head: i64,
+    limits: &Limits,
+) -> Result<Reported, Error> {
+    check_showable("result.observe_time", result.observe_time.as_ref())?;
+    reported(result, definition, head, limits)
 }
 
 /// Reads a report that the caller wrote at `result`, on a session at revision `head`.

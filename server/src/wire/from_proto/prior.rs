@@ -7,7 +7,8 @@ use palpate_proto::v1;
 
 use super::depth::depth_image;
 use super::geometry::optional_vector;
-use super::{at, check_timestamp, non_finite, required};
+use super::size::check_least_size;
+use super::{at, check_showable, check_timestamp, non_finite, required};
 use crate::depth;
 use crate::error::Error;
 use crate::mesh_format::{Cloud, Declared, Layout, PointEncoding, read_points};
@@ -39,6 +40,17 @@ pub(crate) struct Prior {
 enum Form<'a> {
     Points(PointEncoding),
     Image(depth::Encoding, depth::DepthImage<'a>),
+}
+
+/// Reads a cloud that is sent now, of which more is asked than of one that is in a log.
+///
+/// # Errors
+/// As [`visual_prior`]; a cloud smaller than any object, or a time that cannot be shown.
+pub(crate) fn sent_prior(path: &str, prior: &v1::VisualPrior) -> Result<Prior, Error> {
+    check_showable(&format!("{path}.capture_time"), prior.capture_time.as_ref())?;
+    let read = visual_prior(path, prior)?;
+    check_least_size(path, read.evidence.points())?;
+    Ok(read)
 }
 
 /// Reads a cloud that the caller wrote at `path`. Costs milliseconds for a large one.

@@ -46,7 +46,7 @@ pub(super) fn plausible_size(path: &str, sizes: Option<&v1::PlausibleSize>) -> R
 ///
 /// # Errors
 /// Its points lie closer together than any sensor resolves.
-pub(crate) fn check_least_size(path: &str, points: &[Point]) -> Result<(), Error> {
+pub(super) fn check_least_size(path: &str, points: &[Point]) -> Result<(), Error> {
     let size_m = extent_m(points);
     if size_m >= SMALLEST_CLOUD_M {
         return Ok(());
