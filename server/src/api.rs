@@ -8,8 +8,10 @@
 mod capabilities;
 mod exploration;
 mod explore;
+mod export;
 mod fork;
 mod history;
+mod import;
 mod lease;
 mod made_mesh;
 mod mesh;
@@ -42,6 +44,8 @@ use crate::store::Store;
 use crate::text::{Escaped, cut};
 use crate::wire::{event, from_proto, to_proto};
 use capabilities::capabilities;
+pub(crate) use export::file_name;
+use import::Imports;
 use made_mesh::MadeMeshes;
 pub(crate) use outbox::Replies;
 use places::Places;
@@ -54,6 +58,7 @@ pub(crate) struct Api {
     limits: Arc<Limits>,
     places: Places,
     meshes: Arc<MadeMeshes>,
+    imports: Imports,
     stopping: CancellationToken,
     instance_id: Uuid,
 }
@@ -81,6 +86,7 @@ impl Api {
             sessions,
             places: Places::default(),
             meshes: Arc::new(MadeMeshes::new(limits.mesh_bytes)),
+            imports: Imports::new(&limits),
             limits,
             stopping,
             instance_id: Uuid::now_v7(),

@@ -34,7 +34,7 @@ pub(crate) enum Error {
         request_id: String,
     },
     /// The id is taken.
-    #[error("a session {session_id:?} exists already: choose another session_id, or leave it empty")]
+    #[error("a session {session_id:?} exists already: give another session_id")]
     SessionExists {
         /// Its id in the request.
         session_id: String,

@@ -4,6 +4,7 @@
 //! declared twice. Handlers read a request, ask [`Api`] and write the answer; they decide nothing.
 //! Every answer that is not a success is a problem document (RFC 9457).
 
+mod archives;
 pub(crate) mod dry_run;
 mod events;
 mod examples;
@@ -85,7 +86,8 @@ pub(crate) fn refusal(error: &Error) -> Response {
 }
 
 async fn receive(State(bodies): State<Bodies>, request: Request, next: Next) -> Response {
-    bodies.run(request, Kind::Whole(None), next, refusal).await
+    let kind = if request.uri().path() == archives::IMPORTS { Kind::Pieces } else { Kind::Whole(None) };
+    bodies.run(request, kind, next, refusal).await
 }
 
 /// The routes that the OpenAPI document describes: each is declared once, beside its handler.
@@ -97,6 +99,8 @@ fn documented() -> OpenApiRouter<Api> {
         .routes(routes!(history::fork))
         .routes(routes!(history::retract))
         .routes(routes!(history::replay))
+        .routes(routes!(archives::export))
+        .routes(routes!(archives::import))
         .routes(routes!(exploration::add_prior))
         .routes(routes!(exploration::propose))
         .routes(routes!(exploration::report))

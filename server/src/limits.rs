@@ -86,6 +86,12 @@ pub struct Limits {
     pub text_bytes: usize,
     /// Bytes that the events of one session may take.
     pub session_bytes: u64,
+    /// Bytes of a bundle that is imported: a session of `session_bytes` with all that goes with it.
+    pub archive_bytes: u64,
+    /// Members of a bundle, most of which are events.
+    pub archive_members: usize,
+    /// Bytes of all bundles that are being imported at once.
+    pub import_bytes: u64,
     /// Bytes that the database may hold.
     pub database_bytes: u64,
     /// How fast logs are proved in the background, in bytes a second.
@@ -179,6 +185,9 @@ impl Default for Limits {
             name_bytes: 256,
             text_bytes: 4096,
             session_bytes: 256 << 20,
+            archive_bytes: 288 << 20,
+            archive_members: 100_000,
+            import_bytes: 320 << 20,
             database_bytes: 64 << 30,
             proof_bytes_per_s: 64 << 20,
             proof_pause: Duration::from_secs(6 * 3600),

@@ -10,6 +10,7 @@ use prost_reflect::DescriptorPool;
 pub(crate) mod candidate_id;
 pub(crate) mod event;
 pub(crate) mod from_proto;
+pub(crate) mod json;
 pub(crate) mod mask;
 pub(crate) mod to_proto;
 

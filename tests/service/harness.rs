@@ -1,6 +1,7 @@
 //! What every test needs: a server to call, callers of both transports, and something to say.
 
 pub(crate) mod ball;
+pub(crate) mod bundle;
 mod caller;
 mod http;
 mod process;

@@ -6,6 +6,7 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed, and says where")]
 
 mod agreement;
+mod archives;
 mod arms;
 mod bad_input;
 mod browsers;
@@ -29,6 +30,7 @@ mod forks;
 mod formats;
 mod harness;
 mod history;
+mod hostile_archives;
 mod hostile_numbers;
 mod hostile_texts;
 mod http_only;
@@ -46,6 +48,7 @@ mod outcomes;
 mod program;
 mod proposals;
 mod readers;
+mod recordings;
 mod retries;
 mod sse;
 mod strategies;

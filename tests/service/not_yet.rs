@@ -17,10 +17,7 @@ async fn calls_of_a_later_version_say_so_over_grpc() {
     let server = Server::start().await;
     let caller = server.grpc();
     caller.begin("ball").await;
-    let (mut sessions, mut reconstruction) = (caller.sessions(), caller.reconstruction());
-    check(reply(sessions.export_session(v1::ExportSessionRequest::default())).await, "ExportSession");
-    let nothing = tokio_stream::empty::<v1::ImportSessionRequest>();
-    check(reply(sessions.import_session(nothing)).await, "ImportSession");
+    let mut reconstruction = caller.reconstruction();
     let evaluation = reconstruction.evaluate_session(v1::EvaluateSessionRequest::default());
     check(reply(evaluation).await, "EvaluateSession");
 }
@@ -31,25 +28,9 @@ async fn calls_of_a_later_version_say_so_over_http() {
     for (method, path, what) in [
         (Method::POST, "/v1/sessions/ball/evaluate", "EvaluateSession"),
         (Method::GET, "/v1/sessions/ball/series", "series"),
-        (Method::GET, "/v1/sessions/ball/export", "ExportSession"),
-        (Method::POST, "/v1/imports", "ImportSession"),
         (Method::GET, "/v1/experiments", "experiments"),
         (Method::GET, "/v1/experiments/mine/summary", "summary"),
     ] {
         check(accepted(server.http().request(method, path)).await, what);
     }
-}
-
-#[tokio::test]
-async fn wishes_of_a_later_version_are_refused_and_not_ignored() {
-    let server = Server::start().await;
-    server.grpc().begin("ball").await;
-    let glb = v1::GetMeshRequest {
-        session_id: "ball".into(),
-        format: v1::MeshFormat::Glb.into(),
-        ..Default::default()
-    };
-    check(server.grpc().mesh(glb).await, "GLB");
-    check(accepted(server.http().get("/v1/sessions/ball/mesh?format=glb")).await, "GLB");
-    assert_eq!(server.grpc().get("ball").await.unwrap().revision, 2);
 }

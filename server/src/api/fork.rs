@@ -15,7 +15,7 @@ use super::{Api, Call, computed, request_key, stored};
 use crate::compute::Queue;
 use crate::error::Error;
 use crate::limits::Limits;
-use crate::session::{Question, SessionState, Snapshot};
+use crate::session::{Definition, Question, SessionState, Snapshot};
 use crate::sessions::{Carried, Computed, Copy, Created, Creation, Original, RequestKey};
 use crate::store::Event;
 use crate::wire::{event, from_proto, mask, to_proto};
@@ -45,7 +45,7 @@ impl Api {
                     self.sessions.at_revision(&session_id, last, queue, deadline).await?
                 }
             };
-            let forked = forked(&parent, &request)?;
+            let forked = forked(&parent.definition, parent.revision, &request)?;
             // Checked before the copy begins, as nothing of it depends on the id.
             from_proto::fork(&forked, 0, &self.limits)?;
             let copy = Copy {
@@ -71,16 +71,19 @@ fn last_to_copy(parent: &Snapshot, wanted: i64) -> Result<i64, Error> {
     Ok(if parent.state == SessionState::Finished { wanted.min(head - 1) } else { wanted })
 }
 
-/// The first event of a fork of `parent` as it is.
-fn forked(parent: &Snapshot, request: &v1::ForkSessionRequest) -> Result<v1::Forked, Error> {
+/// The first event of a fork of this session at a revision.
+pub(super) fn forked(
+    known: &Definition,
+    revision: i64,
+    request: &v1::ForkSessionRequest,
+) -> Result<v1::Forked, Error> {
     let v1::ForkSessionRequest { config, config_mask, display_name, experiment, labels, .. } = request;
-    let known = &parent.definition;
     let or_known = |new: &String, known: &String| if new.is_empty() { known.clone() } else { new.clone() };
     let paths = config_mask.as_ref().map(|mask| mask.paths.as_slice()).unwrap_or_default();
     let config = mask::changed(&to_proto::session_config(known), config.as_ref(), paths)?;
     let mut all_labels = known.labels.clone();
     all_labels.extend(labels.clone());
-    let nearest = v1::Ancestor { session_id: known.session_id.clone(), revision: parent.revision };
+    let nearest = v1::Ancestor { session_id: known.session_id.clone(), revision };
     let others = known.ancestors.iter().map(|ancestor| v1::Ancestor {
         session_id: ancestor.session_id.clone(),
         revision: ancestor.revision,

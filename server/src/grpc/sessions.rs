@@ -2,9 +2,10 @@
 
 use palpate_proto::v1;
 use palpate_proto::v1::session_service_server::SessionService;
+use tokio_stream::StreamExt;
 use tonic::{Request, Response, Status, Streaming};
 
-use super::{Handlers, Replies, call, reply, unavailable};
+use super::{Handlers, Replies, call, replies, reply, status, unavailable};
 
 #[tonic::async_trait]
 impl SessionService for Handlers {
@@ -68,16 +69,22 @@ impl SessionService for Handlers {
 
     async fn export_session(
         &self,
-        _request: Request<v1::ExportSessionRequest>,
+        request: Request<v1::ExportSessionRequest>,
     ) -> Result<Response<Self::ExportSessionStream>, Status> {
-        Err(unavailable("ExportSession"))
+        let call = call(&request);
+        replies(self.api.export_session(request.into_inner(), call).await.map(|export| export.chunks))
     }
 
     async fn import_session(
         &self,
-        _request: Request<Streaming<v1::ImportSessionRequest>>,
+        request: Request<Streaming<v1::ImportSessionRequest>>,
     ) -> Result<Response<v1::Session>, Status> {
-        Err(unavailable("ImportSession"))
+        let call = call(&request);
+        let limit = self.api.limits().message_bytes;
+        let parts = request
+            .into_inner()
+            .map(move |part| part.map_err(|failure| status::reading_error(&failure, limit)));
+        reply(self.api.import_session(parts, call).await)
     }
 
     async fn list_experiments(

@@ -93,7 +93,7 @@ async fn body(
 
 /// Refuses a body that is still encoded: the layer around the routes has decoded what it knows, and said so by taking
 /// the header away.
-fn require_decoded(headers: &HeaderMap) -> Result<(), Problem> {
+pub(super) fn require_decoded(headers: &HeaderMap) -> Result<(), Problem> {
     let identity = HeaderValue::from_static("identity");
     let Some(encoding) = headers.get_all(CONTENT_ENCODING).iter().find(|&encoding| encoding != identity)
     else {

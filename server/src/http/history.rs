@@ -46,7 +46,7 @@ pub(super) async fn update(
     request: Request,
 ) -> Result<Response, Problem> {
     require_json(&headers)?;
-    let mut message = json_body(request, api.limits(), |body| update_of(body)).await?;
+    let mut message = json_body(request, api.limits(), |body| update_of(&body)).await?;
     let session = message.session.get_or_insert_default();
     fill_session_id(&mut session.session_id, session_id.clone())?;
     if text(&headers, &IF_MATCH) == Some("*") {
@@ -59,16 +59,16 @@ pub(super) async fn update(
 }
 
 /// A body with the fields that change, or an `UpdateSessionRequest`.
-fn update_of(body: Value) -> Result<v1::UpdateSessionRequest, Error> {
-    let Value::Object(fields) = &body else {
+fn update_of(body: &Value) -> Result<v1::UpdateSessionRequest, Error> {
+    let Value::Object(fields) = body else {
         return Err(Error::field("body", "is no object: send display_name, labels or both"));
     };
     if fields.contains_key("session") || fields.contains_key("update_mask") {
-        return from_json(&body);
+        return from_json(body);
     }
     // An etag in the body says which session was read, and is nothing to change.
     let paths = fields.keys().filter(|&name| name != "session_id" && name != "etag").cloned().collect();
-    let session: v1::Session = from_json(&body)?;
+    let session: v1::Session = from_json(body)?;
     let update_mask = Some(FieldMask { paths });
     Ok(v1::UpdateSessionRequest { session: Some(session), update_mask, request_id: String::new() })
 }
@@ -218,7 +218,8 @@ pub(super) async fn replay(
     Ok(([(CONTENT_TYPE, "application/x-ndjson")], Body::from_stream(lines)).into_response())
 }
 
-fn session_reply(status: StatusCode, session: v1::Session) -> Result<Response, Problem> {
+/// A session after a change.
+pub(super) fn session_reply(status: StatusCode, session: v1::Session) -> Result<Response, Problem> {
     let location = [(LOCATION, format!("/v1/sessions/{}", session.session_id))];
     let etag = session.etag.clone();
     let body = (status, ProtoJson(session));
@@ -236,13 +237,13 @@ mod tests {
     #[test]
     fn the_fields_of_a_body_are_what_changes() {
         let body = serde_json::json!({"display_name": "A mug", "etag": "3-a"});
-        let message = update_of(body).unwrap();
+        let message = update_of(&body).unwrap();
         assert_eq!(message.update_mask.unwrap().paths, ["display_name"]);
         assert_eq!(message.session.unwrap().etag, "3-a");
         let body = serde_json::json!({"session": {"labels": {"a": "b"}}, "update_mask": "labels"});
-        let message = update_of(body).unwrap();
+        let message = update_of(&body).unwrap();
         assert_eq!(message.update_mask.unwrap().paths, ["labels"]);
-        assert!(update_of(serde_json::json!([])).is_err());
-        assert!(update_of(serde_json::json!({"name": "x"})).is_err());
+        assert!(update_of(&serde_json::json!([])).is_err());
+        assert!(update_of(&serde_json::json!({"name": "x"})).is_err());
     }
 }

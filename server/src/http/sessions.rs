@@ -133,7 +133,8 @@ pub(super) async fn delete(
     Ok(StatusCode::NO_CONTENT)
 }
 
-fn parse_labels(text: &str) -> Result<BTreeMap<String, String>, Error> {
+/// Labels as a query has them.
+pub(super) fn parse_labels(text: &str) -> Result<BTreeMap<String, String>, Error> {
     let pair = |pair: &str| pair.split_once(':').map(|(key, value)| (key.to_owned(), value.to_owned()));
     text.split(',').map(pair).collect::<Option<_>>().ok_or_else(|| {
         Error::field("labels", format!("{} is not of the form key:value,key:value", quoted(text)))

@@ -17,7 +17,13 @@ use crate::store::Event;
 
 /// The stored form of an event: its name for people who read the table, and its bytes.
 pub(crate) fn encode(kind: Kind) -> (&'static str, Vec<u8>) {
-    let name = match &kind {
+    let name = name(&kind);
+    (name, v1::Event { kind: Some(kind), ..v1::Event::default() }.encode_to_vec())
+}
+
+/// What an event is called in the table.
+pub(crate) fn name(kind: &Kind) -> &'static str {
+    match kind {
         Kind::Created(_) => "created",
         Kind::VisualPrior(_) => "visual_prior",
         Kind::ContactResult(_) => "contact_result",
@@ -26,8 +32,7 @@ pub(crate) fn encode(kind: Kind) -> (&'static str, Vec<u8>) {
         Kind::Lease(_) => "lease",
         Kind::Forked(_) => "forked",
         Kind::Updated(_) => "updated",
-    };
-    (name, v1::Event { kind: Some(kind), ..v1::Event::default() }.encode_to_vec())
+    }
 }
 
 /// The stored form of a retraction of the event `seq`.

@@ -5,6 +5,7 @@ use palpate_proto::v1::exploration_service_client::ExplorationServiceClient;
 use palpate_proto::v1::reconstruction_service_client::ReconstructionServiceClient;
 use palpate_proto::v1::session_service_client::SessionServiceClient;
 use reqwest::Method;
+use sha2::{Digest, Sha256};
 use tonic::transport::Channel;
 use tonic::{Response, Status};
 
@@ -218,6 +219,68 @@ impl Caller {
         let response = accepted(self.http.get(&path(&session_id, &query))).await?;
         let text = soon("all steps", response.text()).await.unwrap();
         Ok(text.lines().map(from_json).collect())
+    }
+
+    /// A session as a file, up to a revision.
+    pub(crate) async fn export(
+        &self,
+        session_id: &str,
+        format: v1::ArchiveFormat,
+        revision: i64,
+    ) -> Outcome<Vec<u8>> {
+        if self.transport == Transport::Http {
+            let format = format.as_str_name().trim_start_matches("ARCHIVE_FORMAT_").to_lowercase();
+            let query = format!("/export?format={format}&revision={revision}");
+            let response = accepted(self.http.get(&path(session_id, &query))).await?;
+            return Ok(soon("a file", response.bytes()).await.unwrap().into());
+        }
+        let request =
+            v1::ExportSessionRequest { session_id: session_id.into(), revision, format: format.into() };
+        let mut chunks = reply(self.sessions().export_session(request)).await?;
+        let (mut file, mut sha256) = (Vec::new(), String::new());
+        while let Some(chunk) =
+            soon("a chunk", chunks.message()).await.map_err(|s| Refused::from_status(&s))?
+        {
+            assert!(sha256.is_empty(), "the digest comes last");
+            file.extend_from_slice(&chunk.data);
+            sha256 = chunk.sha256;
+        }
+        let digest = Sha256::digest(&file);
+        assert_eq!(sha256, digest.iter().map(|byte| format!("{byte:02x}")).collect::<String>());
+        Ok(file)
+    }
+
+    /// A session from a bundle, which is sent in pieces.
+    pub(crate) async fn import(
+        &self,
+        header: v1::CreateSessionRequest,
+        bundle: &[u8],
+    ) -> Outcome<v1::Session> {
+        if self.transport == Transport::Http {
+            let mut query = Vec::new();
+            for (name, value) in [
+                ("session_id", &header.session_id),
+                ("display_name", &header.display_name),
+                ("experiment", &header.experiment),
+            ] {
+                if !value.is_empty() {
+                    query.push(format!("{name}={value}"));
+                }
+            }
+            let path = format!("/v1/imports?{}", query.join("&"));
+            let call = self.http.request(Method::POST, &path).header("content-type", "application/x-tar");
+            let call = match header.request_id.as_str() {
+                "" => call,
+                id => call.header("idempotency-key", id),
+            };
+            return answered(call.body(bundle.to_vec())).await;
+        }
+        let part = |part| v1::ImportSessionRequest { part: Some(part) };
+        let header = part(v1::import_session_request::Part::Header(header));
+        let pieces = bundle.chunks(10_000).map(|piece| piece.to_vec().into());
+        let pieces = pieces.map(|data| part(v1::import_session_request::Part::Data(data)));
+        let parts: Vec<_> = std::iter::once(header).chain(pieces).collect();
+        reply(self.sessions().import_session(tokio_stream::iter(parts))).await
     }
 
     /// A page of events.
