@@ -6,6 +6,8 @@
 //! Etags in messages are bare; HTTP puts the quotes around them.
 
 mod capabilities;
+mod evaluation;
+mod experiments;
 mod exploration;
 mod explore;
 mod fork;
@@ -16,8 +18,11 @@ mod mesh;
 mod outbox;
 mod places;
 mod reading;
+mod references;
 mod replay;
+mod series;
 mod sessions;
+mod surface_errors;
 mod watch;
 
 use std::net::IpAddr;
@@ -45,6 +50,8 @@ use capabilities::capabilities;
 use made_mesh::MadeMeshes;
 pub(crate) use outbox::Replies;
 use places::Places;
+use references::ReadyReferences;
+use surface_errors::ErrorTasks;
 pub(crate) use watch::WatchUpdate;
 
 /// The service; cheap to clone.
@@ -54,6 +61,8 @@ pub(crate) struct Api {
     limits: Arc<Limits>,
     places: Places,
     meshes: Arc<MadeMeshes>,
+    references: Arc<ReadyReferences>,
+    errors: Arc<ErrorTasks>,
     stopping: CancellationToken,
     instance_id: Uuid,
 }
@@ -81,6 +90,8 @@ impl Api {
             sessions,
             places: Places::default(),
             meshes: Arc::new(MadeMeshes::new(limits.mesh_bytes)),
+            references: Arc::default(),
+            errors: Arc::default(),
             limits,
             stopping,
             instance_id: Uuid::now_v7(),

@@ -4,8 +4,11 @@
 //! declared twice. Handlers read a request, ask [`Api`] and write the answer; they decide nothing.
 //! Every answer that is not a success is a problem document (RFC 9457).
 
+mod csv;
+mod evaluation;
 mod events;
 mod examples;
+mod experiments;
 mod exploration;
 mod extract;
 mod history;
@@ -17,7 +20,9 @@ mod openapi;
 mod operations;
 mod problem;
 mod proto_json;
+mod reference;
 mod schema;
+mod series;
 mod sessions;
 mod unavailable;
 mod view_file;
@@ -101,6 +106,11 @@ fn documented() -> OpenApiRouter<Api> {
         .routes(routes!(exploration::report))
         .routes(routes!(mesh::get))
         .routes(routes!(events::get))
+        .routes(routes!(evaluation::evaluate))
+        .routes(routes!(reference::set, reference::get, reference::delete))
+        .routes(routes!(series::get))
+        .routes(routes!(experiments::list))
+        .routes(routes!(experiments::summary))
         .routes(routes!(operations::healthz))
         .routes(routes!(operations::livez))
         .routes(routes!(operations::readyz))

@@ -9,6 +9,7 @@ mod raw;
 mod refusal;
 mod samples;
 mod server;
+pub(crate) mod truth;
 
 use std::time::Duration;
 

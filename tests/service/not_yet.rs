@@ -17,24 +17,18 @@ async fn calls_of_a_later_version_say_so_over_grpc() {
     let server = Server::start().await;
     let caller = server.grpc();
     caller.begin("ball").await;
-    let (mut sessions, mut reconstruction) = (caller.sessions(), caller.reconstruction());
+    let mut sessions = caller.sessions();
     check(reply(sessions.export_session(v1::ExportSessionRequest::default())).await, "ExportSession");
     let nothing = tokio_stream::empty::<v1::ImportSessionRequest>();
     check(reply(sessions.import_session(nothing)).await, "ImportSession");
-    let evaluation = reconstruction.evaluate_session(v1::EvaluateSessionRequest::default());
-    check(reply(evaluation).await, "EvaluateSession");
 }
 
 #[tokio::test]
 async fn calls_of_a_later_version_say_so_over_http() {
     let server = Server::start().await;
     for (method, path, what) in [
-        (Method::POST, "/v1/sessions/ball/evaluate", "EvaluateSession"),
-        (Method::GET, "/v1/sessions/ball/series", "series"),
         (Method::GET, "/v1/sessions/ball/export", "ExportSession"),
         (Method::POST, "/v1/imports", "ImportSession"),
-        (Method::GET, "/v1/experiments", "experiments"),
-        (Method::GET, "/v1/experiments/mine/summary", "summary"),
     ] {
         check(accepted(server.http().request(method, path)).await, what);
     }

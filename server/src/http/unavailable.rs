@@ -8,13 +8,9 @@ use crate::api::Api;
 use crate::error::Error;
 
 /// Method, path, and what it will be.
-const PATHS: [(MethodFilter, &str, &str); 6] = [
-    (MethodFilter::POST, "/v1/sessions/{session_id}/evaluate", "EvaluateSession"),
-    (MethodFilter::GET, "/v1/sessions/{session_id}/series", "the series of a session"),
+const PATHS: [(MethodFilter, &str, &str); 2] = [
     (MethodFilter::GET, "/v1/sessions/{session_id}/export", "ExportSession"),
     (MethodFilter::POST, "/v1/imports", "ImportSession"),
-    (MethodFilter::GET, "/v1/experiments", "the list of experiments"),
-    (MethodFilter::GET, "/v1/experiments/{experiment}/summary", "the summary of an experiment"),
 ];
 
 /// The paths, answered with `UNIMPLEMENTED`.
