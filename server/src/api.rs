@@ -6,6 +6,8 @@
 //! Etags in messages are bare; HTTP puts the quotes around them.
 
 mod capabilities;
+mod evaluation;
+mod experiments;
 mod exploration;
 mod explore;
 mod export;
@@ -18,8 +20,11 @@ mod mesh;
 mod outbox;
 mod places;
 mod reading;
+mod references;
 mod replay;
+mod series;
 mod sessions;
+mod surface_errors;
 mod watch;
 
 use std::net::IpAddr;
@@ -49,6 +54,8 @@ use import::Imports;
 use made_mesh::MadeMeshes;
 pub(crate) use outbox::Replies;
 use places::Places;
+use references::ReadyReferences;
+use surface_errors::ErrorTasks;
 pub(crate) use watch::WatchUpdate;
 
 /// The service; cheap to clone.
@@ -59,6 +66,8 @@ pub(crate) struct Api {
     places: Places,
     meshes: Arc<MadeMeshes>,
     imports: Imports,
+    references: Arc<ReadyReferences>,
+    errors: Arc<ErrorTasks>,
     stopping: CancellationToken,
     instance_id: Uuid,
 }
@@ -87,6 +96,8 @@ impl Api {
             places: Places::default(),
             meshes: Arc::new(MadeMeshes::new(limits.mesh_bytes)),
             imports: Imports::new(&limits),
+            references: Arc::default(),
+            errors: Arc::default(),
             limits,
             stopping,
             instance_id: Uuid::now_v7(),

@@ -77,6 +77,9 @@ pub(crate) enum Error {
     /// There is no estimate yet.
     #[error("the session has no visual prior yet: call AddVisualPrior first")]
     NoVisualPrior,
+    /// There is nothing to compare the estimate with.
+    #[error("the session keeps no reference mesh: send one along, or set it first with SetReference")]
+    NoReference,
     /// The log cannot be folded to a sound state.
     #[error(
         "session {session_id:?} is quarantined: {reason}; it can be read up to revision {sound} and takes no changes: go on in a new session, or restore a copy of the database"
@@ -254,6 +257,7 @@ impl Error {
             Self::EtagMissing => "ETAG_MISSING",
             Self::SessionFinished { .. } => "SESSION_FINISHED",
             Self::NoVisualPrior => "NO_VISUAL_PRIOR",
+            Self::NoReference => "NO_REFERENCE",
             Self::SessionQuarantined { .. } => "SESSION_QUARANTINED",
             Self::Quota { .. } => "QUOTA",
             Self::SessionFull { .. } => "SESSION_FULL",
@@ -283,6 +287,7 @@ impl Error {
             Self::SessionExists { .. } | Self::RequestIdReused { .. } => Code::AlreadyExists,
             Self::RevisionMismatch { .. } | Self::EtagMismatch { .. } => Code::Aborted,
             Self::NoVisualPrior
+            | Self::NoReference
             | Self::EtagMissing
             | Self::SessionFinished { .. }
             | Self::SessionQuarantined { .. }
@@ -309,6 +314,7 @@ impl Error {
             | Self::RequestIdReused { .. }
             | Self::RevisionMismatch { .. }
             | Self::NoVisualPrior
+            | Self::NoReference
             | Self::SessionFinished { .. }
             | Self::SessionFull { .. }
             | Self::SessionQuarantined { .. } => StatusCode::CONFLICT,

@@ -128,11 +128,6 @@ fn replies<T: 'static>(
     Ok(Response::new(Box::pin(stream.map(|item| item.map_err(|error| status(&error))))))
 }
 
-/// A call of the contract that this version does not implement.
-fn unavailable(what: &str) -> Status {
-    status(&Error::unimplemented(what))
-}
-
 /// Who calls, and until when.
 fn call<T>(request: &Request<T>) -> Call {
     let peer = peer::address(request.extensions());

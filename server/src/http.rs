@@ -5,9 +5,12 @@
 //! Every answer that is not a success is a problem document (RFC 9457).
 
 mod archives;
+mod csv;
 pub(crate) mod dry_run;
+mod evaluation;
 mod events;
 mod examples;
+mod experiments;
 mod exploration;
 mod extract;
 mod history;
@@ -19,9 +22,10 @@ mod openapi;
 mod operations;
 mod problem;
 mod proto_json;
+mod reference;
 mod schema;
+mod series;
 mod sessions;
-mod unavailable;
 mod view_file;
 
 use std::any::Any;
@@ -59,7 +63,6 @@ pub(crate) fn router(api: Api, bodies: Bodies) -> Router {
     let trace = TraceLayer::new_for_http().make_span_with(span).on_failure(());
     let (routes, _) = documented().split_for_parts();
     routes
-        .merge(unavailable::routes())
         .route("/openapi.json", axum::routing::get(document))
         .with_state(api)
         .merge(openapi::documentation_page())
@@ -106,6 +109,11 @@ fn documented() -> OpenApiRouter<Api> {
         .routes(routes!(exploration::report))
         .routes(routes!(mesh::get))
         .routes(routes!(events::get))
+        .routes(routes!(evaluation::evaluate))
+        .routes(routes!(reference::set, reference::get, reference::delete))
+        .routes(routes!(series::get))
+        .routes(routes!(experiments::list))
+        .routes(routes!(experiments::summary))
         .routes(routes!(operations::healthz))
         .routes(routes!(operations::livez))
         .routes(routes!(operations::readyz))

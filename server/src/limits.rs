@@ -60,6 +60,14 @@ pub struct Limits {
     pub json_fields: usize,
     /// Arrays and their values in a JSON body: numbers of points, above all.
     pub json_values: usize,
+    /// Vertices, and triangles, of a reference mesh.
+    pub reference_faces: usize,
+    /// Revisions that one call compares with a reference mesh.
+    pub evaluated_revisions: usize,
+    /// Samples of each surface for one comparison.
+    pub samples: u32,
+    /// Sessions in the summary of an experiment.
+    pub summarized_sessions: usize,
     /// Contact results of one session, failures included.
     pub contacts: u32,
     /// Candidates in one reply.
@@ -172,6 +180,10 @@ impl Default for Limits {
             json_bytes: 4 << 20,
             json_fields: 20_000,
             json_values: 800_000,
+            reference_faces: 1_000_000,
+            evaluated_revisions: 64,
+            samples: 50_000,
+            summarized_sessions: 2000,
             contacts: 1000,
             top_k: 64,
             keep_out: 64,

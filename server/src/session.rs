@@ -354,6 +354,22 @@ impl Snapshot {
             .leaving(self.leases.at(now_us).of_others(robot_id))
     }
 
+    /// The seqs of all views and results, those that were retracted included, in their order.
+    pub(crate) fn evidence_seqs(&self) -> Vec<i64> {
+        let counting = self.evidence.iter().map(|(seq, _)| *seq);
+        let mut seqs: Vec<i64> = counting.chain(self.retracted.iter().copied()).collect();
+        seqs.sort_unstable();
+        seqs
+    }
+
+    /// Refuses a session that is quarantined.
+    ///
+    /// # Errors
+    /// Why it is.
+    pub(crate) fn check_sound(&self) -> Result<(), Error> {
+        if self.state == SessionState::Quarantined { self.check_open() } else { Ok(()) }
+    }
+
     /// The seq of the event of a piece of evidence by its number.
     pub(crate) fn seq_of(&self, evidence: usize) -> i64 {
         self.evidence.get(evidence).map_or(self.revision, |(seq, _)| *seq)

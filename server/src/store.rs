@@ -17,6 +17,7 @@ mod link;
 mod linking;
 mod open;
 mod read;
+mod references;
 mod witness;
 mod write;
 
@@ -34,7 +35,8 @@ pub(crate) use event::Event;
 pub(crate) use link::{Link, first as first_link};
 pub use open::OpenError;
 use open::Opened;
-pub(crate) use read::{Filter, FirstRequest, PageEnd, SessionRow, StateFilter};
+pub(crate) use read::{ExperimentPart, Filter, FirstRequest, PageEnd, SessionRow, StateFilter};
+pub(crate) use references::{KeptReference, NewErrors, NewReference, ReferenceKey, SurfaceError};
 use write::{Job, Writer};
 
 /// Why an operation on the log failed.

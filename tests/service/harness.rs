@@ -10,6 +10,7 @@ mod raw;
 mod refusal;
 mod samples;
 mod server;
+pub(crate) mod truth;
 
 use std::time::Duration;
 

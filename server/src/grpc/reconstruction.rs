@@ -5,7 +5,7 @@ use palpate_proto::v1::reconstruction_service_server::ReconstructionService;
 use tokio_stream::StreamExt;
 use tonic::{Request, Response, Status};
 
-use super::{Handlers, Replies, call, replies, reply, unavailable};
+use super::{Handlers, Replies, call, replies, reply};
 
 #[tonic::async_trait]
 impl ReconstructionService for Handlers {
@@ -45,36 +45,41 @@ impl ReconstructionService for Handlers {
 
     async fn evaluate_session(
         &self,
-        _request: Request<v1::EvaluateSessionRequest>,
+        request: Request<v1::EvaluateSessionRequest>,
     ) -> Result<Response<v1::EvaluateSessionResponse>, Status> {
-        Err(unavailable("EvaluateSession"))
+        let call = call(&request);
+        reply(self.api.evaluate_session(request.into_inner(), call).await)
     }
 
     async fn get_series(
         &self,
-        _request: Request<v1::GetSeriesRequest>,
+        request: Request<v1::GetSeriesRequest>,
     ) -> Result<Response<v1::GetSeriesResponse>, Status> {
-        Err(unavailable("GetSeries"))
+        let call = call(&request);
+        reply(self.api.get_series(request.into_inner(), call).await)
     }
 
     async fn set_reference(
         &self,
-        _request: Request<v1::SetReferenceRequest>,
+        request: Request<v1::SetReferenceRequest>,
     ) -> Result<Response<v1::Reference>, Status> {
-        Err(unavailable("SetReference"))
+        let call = call(&request);
+        reply(self.api.set_reference(request.into_inner(), call).await)
     }
 
     async fn get_reference(
         &self,
-        _request: Request<v1::GetReferenceRequest>,
+        request: Request<v1::GetReferenceRequest>,
     ) -> Result<Response<v1::Reference>, Status> {
-        Err(unavailable("GetReference"))
+        let call = call(&request);
+        reply(self.api.get_reference(request.into_inner(), call).await)
     }
 
     async fn delete_reference(
         &self,
-        _request: Request<v1::DeleteReferenceRequest>,
+        request: Request<v1::DeleteReferenceRequest>,
     ) -> Result<Response<v1::DeleteReferenceResponse>, Status> {
-        Err(unavailable("DeleteReference"))
+        let call = call(&request);
+        reply(self.api.delete_reference(request.into_inner(), call).await)
     }
 }

@@ -5,7 +5,7 @@ use palpate_proto::v1::session_service_server::SessionService;
 use tokio_stream::StreamExt;
 use tonic::{Request, Response, Status, Streaming};
 
-use super::{Handlers, Replies, call, replies, reply, status, unavailable};
+use super::{Handlers, Replies, call, replies, reply, status};
 
 #[tonic::async_trait]
 impl SessionService for Handlers {
@@ -89,16 +89,18 @@ impl SessionService for Handlers {
 
     async fn list_experiments(
         &self,
-        _request: Request<v1::ListExperimentsRequest>,
+        request: Request<v1::ListExperimentsRequest>,
     ) -> Result<Response<v1::ListExperimentsResponse>, Status> {
-        Err(unavailable("ListExperiments"))
+        let call = call(&request);
+        reply(self.api.list_experiments(request.into_inner(), call).await)
     }
 
     async fn summarize_experiment(
         &self,
-        _request: Request<v1::SummarizeExperimentRequest>,
+        request: Request<v1::SummarizeExperimentRequest>,
     ) -> Result<Response<v1::ExperimentSummary>, Status> {
-        Err(unavailable("SummarizeExperiment"))
+        let call = call(&request);
+        reply(self.api.summarize_experiment(request.into_inner(), call).await)
     }
 
     async fn get_server_info(

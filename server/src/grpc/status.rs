@@ -46,7 +46,7 @@ fn add_subject(details: &mut ErrorDetails, error: &Error) {
         | Error::SessionFinished { session_id } => {
             details.add_precondition_failure_violation(error.reason(), session_id, text);
         }
-        Error::NoVisualPrior | Error::EtagMissing | Error::SessionFull { .. } => {
+        Error::NoVisualPrior | Error::NoReference | Error::EtagMissing | Error::SessionFull { .. } => {
             details.add_precondition_failure_violation(error.reason(), "session", text);
         }
         Error::RevisionMismatch { expected, actual } => {

@@ -113,7 +113,11 @@ impl<S: Aggregate + Clone> Sessions<S> {
         events[0].reply = reply(&state);
         let reply = events[0].reply.clone();
         head.link = last_link(&session_id, &events);
-        let session = NewSession { head, experiment, labels, imported_by: None };
+        let reference_of = match original {
+            Original::Session(session_id, _) => Some(session_id),
+            Original::Events(_) => None,
+        };
+        let session = NewSession { head, experiment, labels, imported_by: None, reference_of };
         self.write_copy(session, events, state, &wanted, &request, reply).await
     }
 
@@ -137,7 +141,7 @@ impl<S: Aggregate + Clone> Sessions<S> {
         head.link = last_link(&session_id, &events);
         let RequestKey { id: request_id, digest: request_digest } = request.clone();
         let imported_by = Some(Import { request_id, request_digest, reply: described.reply.clone() });
-        let session = NewSession { head, experiment, labels, imported_by };
+        let session = NewSession { head, experiment, labels, imported_by, reference_of: None };
         self.write_copy(session, events, state, &session_id, &request, described.reply).await
     }
 

@@ -21,7 +21,7 @@ impl<S: Aggregate> Sessions<S> {
             self.check_quota().await?;
             let Created { event, computed, experiment, labels } = create(&session_id, now_us())?;
             let (_, head, event) = recorded(computed, request, event, actor, &first_link(&session_id));
-            let session = NewSession { head, experiment, labels, imported_by: None };
+            let session = NewSession { head, experiment, labels, imported_by: None, reference_of: None };
             let reply = event.reply.clone();
             match self.store.create(session, vec![event]).await {
                 Ok(()) => return Ok(Reply { bytes: reply, duplicate: false }),

@@ -21,7 +21,7 @@ pub(super) struct Folded<S> {
     pub(super) damage: Option<Damage>,
 }
 
-/// A fold of a log from its beginning, a few events at a time, that uses nothing of what is in memory.
+/// A fold of a log, a few events at a time: from its beginning, and then it uses nothing of what is in memory.
 #[derive(Debug)]
 pub(crate) struct FreshFold<S> {
     reached: Option<Replayed<S>>,
@@ -30,6 +30,14 @@ pub(crate) struct FreshFold<S> {
 impl<S> Default for FreshFold<S> {
     fn default() -> Self {
         Self { reached: None }
+    }
+}
+
+impl<S> FreshFold<S> {
+    /// A fold that goes on from a state in memory. Where its log ends is not known, so it must not be taken to the
+    /// newest event.
+    pub(crate) fn from(state: Arc<S>, session_id: &str) -> Self {
+        Self { reached: Some(Replayed { state, head: Head::empty(session_id) }) }
     }
 }
 

@@ -8,6 +8,7 @@ use super::StoreError;
 use super::change::{Change, Damage, Deletion, Import, NewSession, SessionHead};
 use super::event::Event;
 use super::link::{self, Link, Sealed};
+use super::references;
 use crate::session::now_us;
 
 /// Applies one change within a transaction.
@@ -20,6 +21,9 @@ pub(super) async fn apply(connection: &mut SqliteConnection, change: &Change) ->
             mark(connection, session_id, Some(*sound), Some(reason)).await
         }
         Change::Restore(session_id) => mark(connection, session_id, None, None).await,
+        Change::KeepReference(reference) => references::keep(connection, reference).await,
+        Change::ForgetReference(session_id) => references::forget(connection, session_id).await,
+        Change::NoteErrors(errors) => references::note(connection, errors).await,
         Change::Check => {
             let query = sqlx::query("update log set checked_us = $1");
             query.bind(now_us()).execute(connection).await?;
@@ -49,7 +53,7 @@ async fn create(
     session: &NewSession,
     events: &[Event],
 ) -> Result<(), StoreError> {
-    let NewSession { head, experiment, labels, imported_by } = session;
+    let NewSession { head, experiment, labels, imported_by, reference_of } = session;
     let SessionHead { session_id, created_us, state, summary, link, new_labels: _ } = head;
     let last = events.last().map_or(0, |event| event.seq);
     sqlx::query(
@@ -72,6 +76,9 @@ async fn create(
     for event in events {
         link = event.link(&link);
         insert_event(connection, session_id, &link, event).await?;
+    }
+    if let Some(origin) = reference_of {
+        references::keep_that_of(connection, session_id, origin).await?;
     }
     Ok(())
 }

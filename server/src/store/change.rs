@@ -1,9 +1,10 @@
-//! What can be written to the log: sessions, events, deletions, and what is known of damage.
+//! What can be written: sessions, events, deletions, what is known of damage, and reference meshes beside the log.
 
 use std::collections::BTreeMap;
 
 use super::event::Event;
 use super::link::Link;
+use super::references::{NewErrors, NewReference};
 
 /// A session as it is created.
 #[derive(Debug)]
@@ -13,6 +14,8 @@ pub(crate) struct NewSession {
     pub(crate) labels: BTreeMap<String, String>,
     /// The request that made it, where that is not the one of its first event.
     pub(crate) imported_by: Option<Import>,
+    /// The session whose reference mesh it keeps, too.
+    pub(crate) reference_of: Option<String>,
 }
 
 /// The request that brought a session from elsewhere, with what it was answered.
@@ -69,6 +72,10 @@ pub(super) enum Change {
     SetAside(Damage),
     /// The session is sound after all.
     Restore(String),
+    KeepReference(Box<NewReference>),
+    /// That of this session.
+    ForgetReference(String),
+    NoteErrors(NewErrors),
     /// Nothing but a check that something can be written.
     Check,
 }
@@ -79,7 +86,18 @@ impl Change {
         match self {
             Self::Create(new) => new.1.len() as i64,
             Self::Append(_) => 1,
-            Self::Delete(_) | Self::SetAside(_) | Self::Restore(_) | Self::Check => 0,
+            Self::Delete(_)
+            | Self::SetAside(_)
+            | Self::Restore(_)
+            | Self::KeepReference(_)
+            | Self::ForgetReference(_)
+            | Self::NoteErrors(_)
+            | Self::Check => 0,
         }
+    }
+
+    /// Whether the database holds more after it.
+    pub(super) fn grows(&self) -> bool {
+        self.appended() > 0 || matches!(self, Self::KeepReference(_) | Self::NoteErrors(_))
     }
 }

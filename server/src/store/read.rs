@@ -104,6 +104,18 @@ pub(crate) enum StateFilter {
     Is(i32),
 }
 
+/// The sessions of an experiment that are in the same state.
+#[derive(Clone, Debug, FromRow)]
+pub(crate) struct ExperimentPart {
+    pub(crate) experiment: String,
+    pub(crate) state: i32,
+    /// Whether they are set aside.
+    pub(crate) is_damaged: bool,
+    pub(crate) sessions: u32,
+    pub(crate) first_us: i64,
+    pub(crate) last_us: i64,
+}
+
 /// The last session of a page.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct PageEnd {
@@ -139,6 +151,26 @@ impl Store {
     /// How many sessions there are.
     pub(crate) async fn session_count(&self) -> Result<i64, StoreError> {
         Ok(sqlx::query_scalar("select count(*) from sessions").fetch_one(&self.readers).await?)
+    }
+
+    /// Up to `count` experiments after the one called `after`, by name, each in as many parts as its sessions have
+    /// states.
+    pub(crate) async fn experiments(
+        &self,
+        after: Option<&str>,
+        count: i64,
+    ) -> Result<Vec<ExperimentPart>, StoreError> {
+        let query = sqlx::query_as(
+            "select experiment, state, damage is not null as is_damaged, count(*) as sessions,
+                 min(created_us) as first_us, max(created_us) as last_us
+             from sessions
+             where experiment in (
+                 select distinct experiment from sessions where $1 is null or experiment > $1
+                 order by experiment limit $2
+             )
+             group by experiment, state, damage is not null order by experiment",
+        );
+        Ok(query.bind(after).bind(count).fetch_all(&self.readers).await?)
     }
 
     /// Up to `count` sessions after `after`, newest first.

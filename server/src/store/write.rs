@@ -125,7 +125,7 @@ impl Writer {
         let is_over = self.measured.is_some_and(|(_, bytes)| bytes >= self.most_bytes);
         let mut outcomes = Vec::with_capacity(jobs.len());
         for job in jobs {
-            if is_over && job.change.appended() > 0 {
+            if is_over && job.change.grows() {
                 outcomes.push(Err(StoreError::TooLarge { most_bytes: self.most_bytes }));
                 continue;
             }

@@ -33,6 +33,12 @@ pub(crate) fn timestamp(us: i64) -> Timestamp {
     Timestamp { seconds: us.div_euclid(1_000_000), nanos }
 }
 
+/// A length of time in microseconds, which is not negative.
+pub(crate) fn duration(us: i64) -> Duration {
+    let Timestamp { seconds, nanos } = timestamp(us);
+    Duration { seconds, nanos }
+}
+
 /// A plane as a half space, the allowed side being that of its normal.
 pub(crate) fn half_space(plane: &Plane) -> v1::HalfSpace {
     v1::HalfSpace { normal: Some(vector(plane.normal())), offset_m: plane.offset_m() }

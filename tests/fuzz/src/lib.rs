@@ -24,6 +24,13 @@ pub fn assert_sound_view(view: &v1::VisualPrior) {
     }
 }
 
+/// Two texts are the same JSON; the labels of a session have no order.
+pub fn assert_same_json(one: &str, other: &str) {
+    let parsed =
+        |text: &str| serde_json::from_str::<serde_json::Value>(text).expect("JSON that this service wrote");
+    assert_eq!(parsed(one), parsed(other));
+}
+
 /// A refusal says what is wrong, within bounds, and is no fault of the server.
 pub fn assert_sound_refusal(refusal: &Refusal) {
     let Refusal { problem, trailers } = refusal;

@@ -283,6 +283,96 @@ impl Caller {
         reply(self.sessions().import_session(tokio_stream::iter(parts))).await
     }
 
+    /// Over HTTP the request as JSON; files are tried where they are promised.
+    pub(crate) async fn evaluate(
+        &self,
+        request: v1::EvaluateSessionRequest,
+    ) -> Outcome<v1::EvaluateSessionResponse> {
+        match self.transport {
+            Transport::Grpc => reply(self.reconstruction().evaluate_session(request)).await,
+            Transport::Http => {
+                answered(self.http.post(&path(&request.session_id, "/evaluate"), &to_json(&request))).await
+            }
+        }
+    }
+
+    pub(crate) async fn set_reference(&self, request: v1::SetReferenceRequest) -> Outcome<v1::Reference> {
+        if self.transport == Transport::Grpc {
+            return reply(self.reconstruction().set_reference(request)).await;
+        }
+        let media_type = match request.format() {
+            v1::MeshFormat::Ply => "model/ply",
+            v1::MeshFormat::Stl => "model/stl",
+            v1::MeshFormat::Obj => "model/obj",
+            _ => "application/octet-stream",
+        };
+        let rest = format!("/reference?metres_per_unit={}", request.metres_per_unit);
+        let call = self.http.request(Method::PUT, &path(&request.session_id, &rest));
+        answered(call.header("content-type", media_type).body(request.mesh)).await
+    }
+
+    /// With its file, which HTTP sends apart from what is known of it.
+    pub(crate) async fn reference(&self, session_id: &str) -> Outcome<v1::Reference> {
+        if self.transport == Transport::Grpc {
+            let request = v1::GetReferenceRequest { session_id: session_id.into(), without_mesh: false };
+            return reply(self.reconstruction().get_reference(request)).await;
+        }
+        let call = || self.http.get(&path(session_id, "/reference"));
+        let known: v1::Reference = answered(call().header("accept", "application/json")).await?;
+        let file = accepted(call()).await?;
+        assert_eq!(super::header(&file, "etag"), format!("\"{}\"", known.sha256));
+        Ok(v1::Reference { mesh: file.bytes().await.unwrap(), ..known })
+    }
+
+    pub(crate) async fn delete_reference(&self, session_id: &str) -> Outcome<()> {
+        if self.transport == Transport::Grpc {
+            let request = v1::DeleteReferenceRequest { session_id: session_id.into() };
+            return reply(self.reconstruction().delete_reference(request)).await.map(|_| ());
+        }
+        let call = self.http.request(Method::DELETE, &path(session_id, "/reference"));
+        assert_eq!(accepted(call).await?.status(), 204);
+        Ok(())
+    }
+
+    pub(crate) async fn series(&self, request: v1::GetSeriesRequest) -> Outcome<v1::GetSeriesResponse> {
+        if self.transport == Transport::Grpc {
+            return reply(self.reconstruction().get_series(request)).await;
+        }
+        let v1::GetSeriesRequest { session_id, after_revision, without_shadow } = request;
+        let query = format!("/series?after_revision={after_revision}&without_shadow={without_shadow}");
+        answered(self.http.get(&path(&session_id, &query))).await
+    }
+
+    pub(crate) async fn experiments(
+        &self,
+        request: v1::ListExperimentsRequest,
+    ) -> Outcome<v1::ListExperimentsResponse> {
+        if self.transport == Transport::Grpc {
+            return reply(self.sessions().list_experiments(request)).await;
+        }
+        let v1::ListExperimentsRequest { page_size, page_token } = request;
+        answered(self.http.get(&format!("/v1/experiments?page_size={page_size}&page_token={page_token}")))
+            .await
+    }
+
+    pub(crate) async fn summarize(
+        &self,
+        request: v1::SummarizeExperimentRequest,
+    ) -> Outcome<v1::ExperimentSummary> {
+        if self.transport == Transport::Grpc {
+            return reply(self.sessions().summarize_experiment(request)).await;
+        }
+        let v1::SummarizeExperimentRequest { experiment, by, labels } = request;
+        let mut query = vec![format!("by={}", by.join(","))];
+        if !labels.is_empty() {
+            let labels: Vec<_> = labels.iter().map(|(key, value)| format!("{key}:{value}")).collect();
+            query.push(format!("labels={}", labels.join(",")));
+        }
+        // Names are free, and a path is not.
+        let name: String = experiment.bytes().map(|byte| format!("%{byte:02X}")).collect();
+        answered(self.http.get(&format!("/v1/experiments/{name}/summary?{}", query.join("&")))).await
+    }
+
     /// A page of events.
     pub(crate) async fn events(&self, request: v1::ListEventsRequest) -> Outcome<v1::ListEventsResponse> {
         match self.transport {

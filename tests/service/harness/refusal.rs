@@ -74,7 +74,7 @@ fn statuses(reason: &str) -> (Code, u16) {
         "SESSION_EXISTS" | "REQUEST_ID_REUSED" => (Code::AlreadyExists, 409),
         "REVISION_MISMATCH" => (Code::Aborted, 409),
         "ETAG_MISMATCH" => (Code::Aborted, 412),
-        "NO_VISUAL_PRIOR" | "SESSION_FINISHED" | "SESSION_FULL" | "SESSION_QUARANTINED" => {
+        "NO_VISUAL_PRIOR" | "NO_REFERENCE" | "SESSION_FINISHED" | "SESSION_FULL" | "SESSION_QUARANTINED" => {
             (Code::FailedPrecondition, 409)
         }
         "ETAG_MISSING" => (Code::FailedPrecondition, 428),
