@@ -10,10 +10,10 @@ use palpate_proto::v1;
 use palpate_proto::v1::import_session_request::Part;
 use serde::Deserialize;
 
-use super::extract::{Params, content_type, fill_request_id, require_decoded, unsupported};
+use super::extract::{Params, content_type, fill_request_id, parse_labels, require_decoded, unsupported};
 use super::history::session_reply;
 use super::problem::Problem;
-use super::sessions::parse_labels;
+
 use super::tagged;
 use crate::api::{Api, Call};
 use crate::error::Error;
