@@ -192,12 +192,6 @@ pub(crate) enum Error {
     /// The caller's deadline passed.
     #[error("the deadline passed before the call was answered: try again with the same request_id")]
     DeadlineExceeded,
-    /// Part of the contract, but not of this version.
-    #[error("{what} is not available in this version of the server")]
-    Unimplemented {
-        /// The call or the field.
-        what: String,
-    },
     /// A bug of the server.
     #[error("internal error: nothing was changed; the server's log says more")]
     Internal {
@@ -234,11 +228,6 @@ impl Error {
         }
     }
 
-    /// A feature of the contract that this version lacks, named by its call or field.
-    pub(crate) fn unimplemented(what: impl Into<String>) -> Self {
-        Self::Unimplemented { what: what.into() }
-    }
-
     /// A bug, described for the log.
     pub(crate) fn internal(detail: impl Into<String>) -> Self {
         Self::Internal { detail: detail.into() }
@@ -273,7 +262,6 @@ impl Error {
             Self::StoreFull => "STORE_FULL",
             Self::StoreDown { .. } => "STORE_DOWN",
             Self::DeadlineExceeded => "DEADLINE_EXCEEDED",
-            Self::Unimplemented { .. } => "UNIMPLEMENTED",
             Self::Internal { .. } => "INTERNAL",
         }
     }
@@ -300,7 +288,6 @@ impl Error {
             | Self::StoreFull => Code::ResourceExhausted,
             Self::Draining | Self::StoreDown { .. } => Code::Unavailable,
             Self::DeadlineExceeded | Self::BodyTooSlow { .. } => Code::DeadlineExceeded,
-            Self::Unimplemented { .. } => Code::Unimplemented,
             Self::Internal { .. } => Code::Internal,
         }
     }
@@ -331,7 +318,6 @@ impl Error {
             }
             Self::StoreFull => StatusCode::INSUFFICIENT_STORAGE,
             Self::DeadlineExceeded => StatusCode::GATEWAY_TIMEOUT,
-            Self::Unimplemented { .. } => StatusCode::NOT_IMPLEMENTED,
             Self::Internal { .. } => StatusCode::INTERNAL_SERVER_ERROR,
         }
     }

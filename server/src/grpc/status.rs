@@ -67,7 +67,6 @@ fn add_subject(details: &mut ErrorDetails, error: &Error) {
         Error::RequestIdReused { request_id } => {
             set_info(details, error, [("request_id", request_id.clone())]);
         }
-        Error::Unimplemented { what } => set_info(details, error, [("what", what.clone())]),
         Error::HeaderTooLarge { bytes, limit } => {
             set_info(details, error, [("bytes", bytes.to_string()), ("limit", limit.to_string())]);
         }

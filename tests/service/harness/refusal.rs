@@ -88,7 +88,6 @@ fn statuses(reason: &str) -> (Code, u16) {
         "STORE_FULL" => (Code::ResourceExhausted, 507),
         "DRAINING" => (Code::Unavailable, 503),
         "STORE_DOWN" => (Code::Unavailable, 503),
-        "UNIMPLEMENTED" => (Code::Unimplemented, 501),
         // These can happen over HTTP only.
         "UNPARSABLE" => (Code::Unknown, 400),
         "NO_SUCH_PATH" => (Code::Unknown, 404),
