@@ -116,7 +116,7 @@ impl Api {
         }
     }
 
-    /// Whether the service can do its work: the log takes writes and the server is not stopping.
+    /// Whether the service can do its work: the log takes writes, is read, and the server is not stopping.
     ///
     /// # Errors
     /// [`Error::Draining`] or [`Error::StoreDown`].
@@ -124,7 +124,8 @@ impl Api {
         if self.stopping.is_cancelled() {
             return Err(Error::Draining);
         }
-        Ok(self.sessions.store.check_writable().await?)
+        self.sessions.store.check_writable().await?;
+        Ok(self.sessions.store.check_readable().await?)
     }
 
     /// How many sessions are quarantined, and how many acknowledged events were missing when the server started.

@@ -17,11 +17,13 @@ mod link;
 mod linking;
 mod open;
 mod read;
+mod readable;
 mod references;
 mod witness;
 mod write;
 
 use std::path::Path;
+use std::sync::Arc;
 
 use sqlx::SqlitePool;
 use tokio::sync::{mpsc, oneshot};
@@ -36,6 +38,7 @@ pub(crate) use link::{Link, first as first_link};
 pub use open::OpenError;
 use open::Opened;
 pub(crate) use read::{ExperimentPart, Filter, FirstRequest, PageEnd, SessionRow, StateFilter};
+use readable::Readable;
 pub(crate) use references::{KeptReference, NewErrors, NewReference, ReferenceKey, SurfaceError};
 use write::{Job, Writer};
 
@@ -89,6 +92,8 @@ pub(crate) struct Store {
     closed: CancellationToken,
     /// Events that were acknowledged and are not there.
     missing: i64,
+    /// What the disk does not read.
+    readable: Arc<Readable>,
 }
 
 impl Store {
@@ -114,6 +119,7 @@ impl Store {
         let (jobs, queue) = mpsc::channel(limits.write_queue);
         let (closing, closed) = (CancellationToken::new(), CancellationToken::new());
         let missing = opened.missing;
+        let readable = Arc::new(Readable::of(&opened.database));
         let writer = Writer::new(opened, limits.database_bytes);
         let writer = writer.run(queue, limits.write_batch, closing.clone());
         let announce = closed.clone().drop_guard();
@@ -121,7 +127,7 @@ impl Store {
             writer.await;
             drop(announce);
         });
-        Self { readers, jobs, closing, closed, missing }
+        Self { readers, jobs, closing, closed, missing, readable }
     }
 
     /// Writes a session with its first events, all or none.

@@ -6,6 +6,7 @@ mod caller;
 mod http;
 mod process;
 mod proxy;
+mod random;
 mod raw;
 mod refusal;
 mod samples;
@@ -18,6 +19,7 @@ pub(crate) use caller::{Caller, Transport, reply};
 pub(crate) use http::{EventStream, Http, accepted, from_json, header, send, to_json};
 pub(crate) use process::Process;
 pub(crate) use proxy::Proxy;
+pub(crate) use random::Random;
 pub(crate) use raw::{Raw, outcome, say_raw};
 pub(crate) use refusal::{Outcome, Refused};
 pub(crate) use samples::{
@@ -27,6 +29,11 @@ pub(crate) use server::{Server, patient_client};
 
 /// Nothing takes this long unless it is broken, whatever else the machine does.
 const PATIENCE: Duration = Duration::from_secs(60);
+
+/// The number that an environment variable gives, or another one.
+pub(crate) fn given(name: &str, otherwise: u64) -> u64 {
+    std::env::var(name).ok().and_then(|value| value.parse().ok()).unwrap_or(otherwise)
+}
 
 /// Waits for what must come.
 pub(crate) async fn soon<T>(what: &str, future: impl Future<Output = T>) -> T {

@@ -22,8 +22,8 @@ pub(super) async fn livez() -> &'static str {
 
 /// May traffic be sent here?
 ///
-/// Only when a row could be written to the database, and the server is not about to stop. More lines follow where
-/// sessions are quarantined, or acknowledged events were missing when the server started.
+/// Only when a row could be written to the database, the disk reads it, and the server is not about to stop. More
+/// lines follow where sessions are quarantined, or acknowledged events were missing when the server started.
 #[utoipa::path(get, path = "/readyz", tag = "operations", responses((status = 200, description = "Yes", body = String)))]
 pub(super) async fn readyz(State(api): State<Api>) -> Result<String, Problem> {
     api.ready().await?;

@@ -13,6 +13,8 @@ use crate::store::{Damage, Filter, PageEnd, SessionRow, StoreError};
 
 /// Sessions that are looked up at once.
 const PAGE: i64 = 100;
+/// When logs are proved again that could not all be read.
+const UNREAD_PAUSE: Duration = Duration::from_secs(60);
 
 /// The sessions whose logs were proved by this process, with when they were created.
 #[derive(Debug, Default)]
@@ -62,37 +64,55 @@ impl<S: Aggregate> Sessions<S> {
         Ok(proof)
     }
 
+    /// The same for a session as it is now: since it was listed it may have moved on, or be gone.
+    async fn prove_now(&self, session_id: &str) -> Result<Option<Result<u64, Damage>>, StoreError> {
+        match self.store.session(session_id).await? {
+            Some(row) => self.prove(&row).await.map(Some),
+            None => Ok(None),
+        }
+    }
+
     /// Proves all logs, again and again with a pause, until the server stops.
     pub(crate) async fn prove_all(self: Arc<Self>) {
         let stopping = self.stopping.clone();
         let rounds = async {
             loop {
+                let mut pause = self.limits.proof_pause;
                 match self.prove_each().await {
                     Ok((sessions, damaged)) => tracing::debug!(sessions, damaged, "all logs were proved"),
-                    Err(failure) => tracing::warn!(%failure, "the logs could not all be proved"),
+                    Err(failure) => {
+                        tracing::warn!(%failure, "the logs could not all be proved");
+                        pause = pause.min(UNREAD_PAUSE);
+                    }
                 }
-                tokio::time::sleep(self.limits.proof_pause).await;
+                tokio::time::sleep(pause).await;
             }
         };
         stopping.run_until_cancelled(rounds).await;
     }
 
     /// How many sessions there are, and how many of them are damaged.
+    ///
+    /// # Errors
+    /// What kept the last one from being read that was not; the others were proved all the same.
     async fn prove_each(&self) -> Result<(usize, usize), StoreError> {
-        let (mut sessions, mut damaged) = (0, 0);
+        let (mut sessions, mut damaged, mut unread) = (0, 0, None);
         let mut after: Option<PageEnd> = None;
         loop {
             let page = self.store.list(&Filter::default(), after.as_ref(), PAGE).await?;
-            let Some(last) = page.last() else { return Ok((sessions, damaged)) };
+            let Some(last) = page.last() else { return unread.map_or(Ok((sessions, damaged)), Err) };
             after = Some(last.page_end());
             for row in &page {
-                // One that moves on or is deleted meanwhile is read again as it is then.
-                let Some(row) = self.store.session(&row.session_id).await? else { continue };
                 sessions += 1;
-                let bytes = match self.prove(&row).await? {
-                    Ok(bytes) => bytes,
-                    Err(_) => {
+                let bytes = match self.prove_now(&row.session_id).await {
+                    Ok(Some(Ok(bytes))) => bytes,
+                    Ok(Some(Err(_))) => {
                         damaged += 1;
+                        0
+                    }
+                    Ok(None) => 0,
+                    Err(failure) => {
+                        unread = Some(failure);
                         0
                     }
                 };

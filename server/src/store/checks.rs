@@ -47,19 +47,30 @@ pub(super) async fn settings(connection: &mut SqliteConnection) -> Result<(), Op
     Ok(())
 }
 
-/// The pages of the file.
+/// The pages of the file, and that tables and indices say the same: a retry that an index does not find would be
+/// carried out twice, and an event whose session is gone would be shown to nobody.
 ///
 /// # Errors
 /// One of them is damaged.
 pub(super) async fn pages(connection: &mut SqliteConnection, database: &Path) -> Result<(), OpenError> {
-    let found: Result<String, _> = sqlx::query_scalar("pragma quick_check(1)").fetch_one(connection).await;
-    let found = match found {
-        Ok(found) if found == "ok" => return Ok(()),
-        Ok(found) => found,
+    let found = match damage(connection).await {
+        Ok(None) => return Ok(()),
+        Ok(Some(found)) => found,
         Err(error) if primary_code(&error) == Some(SQLITE_CORRUPT) => error.to_string(),
         Err(error) => return Err(error.into()),
     };
     Err(OpenError::Damaged { path: database.into(), found })
+}
+
+/// What the engine finds first.
+async fn damage(connection: &mut SqliteConnection) -> Result<Option<String>, sqlx::Error> {
+    let found: String = sqlx::query_scalar("pragma integrity_check(1)").fetch_one(&mut *connection).await?;
+    if found != "ok" {
+        return Ok(Some(found));
+    }
+    let query = sqlx::query_scalar("select \"table\" from pragma_foreign_key_check limit 1");
+    let orphan: Option<String> = query.fetch_optional(connection).await?;
+    Ok(orphan.map(|table| format!("a row of {table} is of a session that is not there")))
 }
 
 /// The statements that made the tables, indices and triggers, by their names.

@@ -1,7 +1,7 @@
 //! The files of the log: held by one server, readable by their owner only, and still the ones that were opened.
 
 use std::fs::{self, File, OpenOptions, TryLockError};
-use std::io;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 /// Makes the database file for its owner only, where there is none; SQLite gives the files beside it the same rights.
@@ -42,6 +42,23 @@ pub(super) fn beside(path: &Path, ending: &str) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(ending);
     name.into()
+}
+
+/// Bytes of a file that are read at once.
+const READ_AT_ONCE: usize = 1 << 20;
+
+/// Reads the database and its log of changes from end to end: SQLite says that a file is damaged where the disk does
+/// not read it, and only the disk itself tells the one from the other.
+///
+/// # Errors
+/// The disk does not read one of them. A file that cannot be opened has nothing to say here.
+pub(super) fn read_through(database: &Path) -> io::Result<()> {
+    let mut bytes = vec![0; READ_AT_ONCE];
+    for path in [database.to_owned(), beside(database, "-wal")] {
+        let Ok(mut file) = File::open(&path) else { continue };
+        while file.read(&mut bytes)? > 0 {}
+    }
+    Ok(())
 }
 
 /// The files as they were opened: SQLite goes on writing into files that were deleted or replaced, as if nothing had

@@ -62,6 +62,16 @@ pub enum OpenError {
         /// The file.
         path: PathBuf,
     },
+    /// The disk does not read the file.
+    #[error(
+        "the disk does not read the database {path:?} ({source}): look after the disk, then start again; nothing says that the database is damaged"
+    )]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// What the disk says.
+        source: std::io::Error,
+    },
     /// Pages of the file are damaged.
     #[error(
         "the database {path:?} is damaged ({found}): restore a copy, or save what can be read with `sqlite3 OLD .recover`"
@@ -163,10 +173,13 @@ pub(super) async fn open(database: &Path) -> Result<Opened, OpenError> {
     let witness = held(database).await.map_err(|error| failed(error.into()))?;
     let witness = Arc::new(witness.ok_or_else(|| OpenError::InUse { path: database.into() })?);
     let opened = open_held(database, &witness).await;
-    if opened.is_err() {
+    opened.map_err(|error| {
         witness.remove_if_new();
-    }
-    opened
+        match files::read_through(database) {
+            Err(source) => OpenError::Unreadable { path: database.into(), source },
+            Ok(()) => error,
+        }
+    })
 }
 
 /// The same without the lock.
@@ -292,6 +305,11 @@ pub(super) async fn readers(database: &Path) -> Result<SqlitePool, OpenError> {
     let options = options(database).read_only(true);
     let opened = SqlitePoolOptions::new().max_connections(READERS).connect_with(options).await;
     opened.map_err(|source| OpenError::Open { path: database.into(), source })
+}
+
+/// One connection that cannot write and holds no page yet.
+pub(super) async fn reader(database: &Path) -> Result<SqliteConnection, sqlx::Error> {
+    options(database).read_only(true).connect().await
 }
 
 fn options(database: &Path) -> SqliteConnectOptions {

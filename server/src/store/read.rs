@@ -7,6 +7,7 @@ use sqlx::{FromRow, QueryBuilder, Sqlite};
 use super::change::Damage;
 use super::event::Event;
 use super::link::{self, Link, Sealed};
+use super::readable::Unread;
 use super::{Store, StoreError, open};
 
 /// A session as `sessions` has it.
@@ -139,7 +140,8 @@ impl Store {
     pub(crate) async fn session(&self, session_id: &str) -> Result<Option<SessionRow>, StoreError> {
         let mut query = QueryBuilder::<Sqlite>::new("select ");
         query.push(SESSION_COLUMNS).push(" where session_id = ").push_bind(session_id);
-        Ok(query.build_query_as().fetch_optional(&self.readers).await?)
+        let row = query.build_query_as().fetch_optional(&self.readers).await;
+        Ok(row.inspect_err(|_| self.readable.note(Unread::session(session_id)))?)
     }
 
     /// How many sessions are set aside because their log cannot be trusted.
@@ -211,7 +213,8 @@ impl Store {
     /// large, and before one that is not as it was.
     ///
     /// # Errors
-    /// [`StoreError::Damaged`] when already the first is not the event that was appended after `after`.
+    /// [`StoreError::Damaged`] when already the first is not the event that was appended after `after`;
+    /// [`StoreError::Down`] when the disk does not read it.
     pub(crate) async fn events(
         &self,
         session_id: &str,
@@ -245,9 +248,10 @@ impl Store {
         };
         let mut rows = match rows {
             Err(error) if is_unreadable(&error) => {
+                self.readable.insist(&error, Unread::event_after(session_id, after)).await?;
                 return Err(damaged(format!("event {} cannot be read: {error}", after + 1)));
             }
-            other => other?,
+            other => other.inspect_err(|_| self.readable.note(Unread::event_after(session_id, after)))?,
         };
         let expected = |index: usize| after + 1 + index as i64;
         let is_sound =

@@ -49,11 +49,15 @@ impl Process {
 
     /// What the program says where it cannot start.
     pub(crate) async fn refusal(database: &Path) -> String {
-        let refused = Command::new(env!("CARGO_BIN_EXE_palpate-under-test"))
-            .args(["serve", "--listen", "127.0.0.1:0", "--database"])
-            .arg(database)
-            .output();
-        let refused = soon("the program ends", refused).await.unwrap();
+        Self::refusal_with(database, |_| {}).await
+    }
+
+    /// The same with more for the program, such as its environment.
+    pub(crate) async fn refusal_with(database: &Path, more: impl FnOnce(&mut Command)) -> String {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_palpate-under-test"));
+        command.args(["serve", "--listen", "127.0.0.1:0", "--database"]).arg(database);
+        more(&mut command);
+        let refused = soon("the program ends", command.output()).await.unwrap();
         assert!(!refused.status.success());
         String::from_utf8(refused.stderr).unwrap()
     }

@@ -36,6 +36,19 @@ impl Server {
         Self::over(tempfile::tempdir().unwrap(), options).await
     }
 
+    /// A server over the database in a folder, or why it refused to start.
+    pub(crate) async fn over_folder(folder: TempDir) -> Result<Self, String> {
+        let mut server = Self::over(folder, ServeOptions::default()).await;
+        // Whoever calls before it serves waits, and is cut when it ends instead.
+        let answer = server.http().get("/livez").send();
+        let answered = soon("the server serves or ends", answer).await;
+        if answered.is_ok() {
+            return Ok(server);
+        }
+        let ended = soon("the server ends", &mut server.serving).await;
+        Err(ended.expect("it does not panic").expect_err("it ends because it refuses").to_string())
+    }
+
     async fn over(folder: TempDir, options: ServeOptions) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = listener.local_addr().unwrap();
