@@ -4,7 +4,6 @@
 //! method itself in `palpate-core`. `wire` holds the conversions between messages and values.
 
 mod api;
-mod archive;
 mod compute;
 mod cors;
 mod depth;

@@ -5,7 +5,7 @@ use palpate_proto::v1::reconstruction_service_server::ReconstructionService;
 use tokio_stream::StreamExt;
 use tonic::{Request, Response, Status};
 
-use super::{Handlers, Replies, call, replies, reply};
+use super::{Handlers, Replies, call, replies, reply, unavailable};
 
 #[tonic::async_trait]
 impl ReconstructionService for Handlers {
@@ -37,49 +37,15 @@ impl ReconstructionService for Handlers {
 
     async fn replay_session(
         &self,
-        request: Request<v1::ReplaySessionRequest>,
+        _request: Request<v1::ReplaySessionRequest>,
     ) -> Result<Response<Self::ReplaySessionStream>, Status> {
-        let call = call(&request);
-        replies(self.api.replay_session(request.into_inner(), call).await)
+        Err(unavailable("ReplaySession"))
     }
 
     async fn evaluate_session(
         &self,
-        request: Request<v1::EvaluateSessionRequest>,
+        _request: Request<v1::EvaluateSessionRequest>,
     ) -> Result<Response<v1::EvaluateSessionResponse>, Status> {
-        let call = call(&request);
-        reply(self.api.evaluate_session(request.into_inner(), call).await)
-    }
-
-    async fn get_series(
-        &self,
-        request: Request<v1::GetSeriesRequest>,
-    ) -> Result<Response<v1::GetSeriesResponse>, Status> {
-        let call = call(&request);
-        reply(self.api.get_series(request.into_inner(), call).await)
-    }
-
-    async fn set_reference(
-        &self,
-        request: Request<v1::SetReferenceRequest>,
-    ) -> Result<Response<v1::Reference>, Status> {
-        let call = call(&request);
-        reply(self.api.set_reference(request.into_inner(), call).await)
-    }
-
-    async fn get_reference(
-        &self,
-        request: Request<v1::GetReferenceRequest>,
-    ) -> Result<Response<v1::Reference>, Status> {
-        let call = call(&request);
-        reply(self.api.get_reference(request.into_inner(), call).await)
-    }
-
-    async fn delete_reference(
-        &self,
-        request: Request<v1::DeleteReferenceRequest>,
-    ) -> Result<Response<v1::DeleteReferenceResponse>, Status> {
-        let call = call(&request);
-        reply(self.api.delete_reference(request.into_inner(), call).await)
+        Err(unavailable("EvaluateSession"))
     }
 }
