@@ -61,7 +61,7 @@ async fn of_many_reports_that_expect_the_same_revision_one_is_accepted() {
 #[tokio::test]
 async fn reports_of_many_robots_at_once_are_all_counted_once_in_one_order() {
     const ROBOTS: usize = 8;
-    const EACH: usize = 5;
+    const EACH: usize = 3;
     let server = Server::start().await;
     let next = server.grpc().begin("ball").await;
     let mut robots = JoinSet::new();
