@@ -251,6 +251,15 @@ pub struct Config {
 }
 
 impl Config {
+    /// The same with another strategy, which need not weigh what the session's own weighs.
+    ///
+    /// # Errors
+    /// The method refuses the strategy.
+    pub fn with_strategy(&self, strategy: Strategy) -> Result<Self, FieldError> {
+        let alpha_travel = if strategy.weighs_terms() { self.alpha_travel } else { 0.0 };
+        Self::new(Settings { strategy, alpha_travel, ..**self })
+    }
+
     /// Checks every parameter against its range.
     ///
     /// # Errors

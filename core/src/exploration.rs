@@ -8,6 +8,7 @@ mod again;
 mod baselines;
 mod expected_gain;
 mod failures;
+mod hindsight;
 mod keep_out;
 mod pads;
 mod proactive;
@@ -20,6 +21,7 @@ mod situation;
 mod template_error;
 mod travel;
 
+pub use hindsight::{Hindsight, hindsight};
 pub use keep_out::{KeepOut, Region};
 pub use pads::{Approach, MountedPad};
 pub use proposal::{Candidate, Excluded, Proposal, ProposalRequest, SEPARATION_M, ScoreTerm};

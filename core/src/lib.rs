@@ -19,6 +19,7 @@ mod fingerprint;
 pub mod geometry;
 mod implicit;
 pub mod local;
+pub mod mesh_file;
 pub mod method;
 pub mod metrics;
 pub mod reconstruction;

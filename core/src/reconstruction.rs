@@ -17,8 +17,8 @@ pub use summary::{Stats, StopReason};
 
 use std::sync::Arc;
 
-use crate::config::{Config, Method};
-use crate::error::Error;
+use crate::config::{Config, Method, Strategy};
+use crate::error::{Error, FieldError};
 use crate::evidence::attractor::Attractor;
 use crate::evidence::ledger::Ledger;
 use crate::evidence::{Evidence, Reading, WorkFrame};
@@ -178,6 +178,18 @@ impl Reconstruction {
         let request = request.entered(&self.frame);
         let proposal = self.situation().map(|situation| exploration::propose(&situation, &request));
         proposal.unwrap_or_default().in_base(&self.frame)
+    }
+
+    /// Where another strategy than the session's own would touch next, from the same evidence.
+    ///
+    /// # Errors
+    /// The method refuses the strategy.
+    pub fn propose_by(&self, strategy: Strategy, request: &ProposalRequest) -> Result<Proposal, FieldError> {
+        let config = self.config.with_strategy(strategy)?;
+        let request = request.entered(&self.frame);
+        let situation = self.situation().map(|situation| Situation { config: &config, ..situation });
+        let proposal = situation.map(|situation| exploration::propose(&situation, &request));
+        Ok(proposal.unwrap_or_default().in_base(&self.frame))
     }
 
     /// Whether nothing is left that may be touched.

@@ -6,15 +6,25 @@
 //! Etags in messages are bare; HTTP puts the quotes around them.
 
 mod capabilities;
+mod evaluation;
+mod experiments;
 mod exploration;
 mod explore;
+mod export;
+mod fork;
+mod history;
+mod import;
 mod lease;
 mod made_mesh;
 mod mesh;
 mod outbox;
 mod places;
 mod reading;
+mod references;
+mod replay;
+mod series;
 mod sessions;
+mod surface_errors;
 mod watch;
 
 use std::net::IpAddr;
@@ -39,9 +49,13 @@ use crate::store::Store;
 use crate::text::{Escaped, cut};
 use crate::wire::{event, from_proto, to_proto};
 use capabilities::capabilities;
+pub(crate) use export::file_name;
+use import::Imports;
 use made_mesh::MadeMeshes;
 pub(crate) use outbox::Replies;
 use places::Places;
+use references::ReadyReferences;
+use surface_errors::ErrorTasks;
 pub(crate) use watch::WatchUpdate;
 
 /// The service; cheap to clone.
@@ -51,6 +65,9 @@ pub(crate) struct Api {
     limits: Arc<Limits>,
     places: Places,
     meshes: Arc<MadeMeshes>,
+    imports: Imports,
+    references: Arc<ReadyReferences>,
+    errors: Arc<ErrorTasks>,
     stopping: CancellationToken,
     instance_id: Uuid,
 }
@@ -72,12 +89,15 @@ impl Api {
         let cores = available_parallelism().map_or(1, usize::from);
         let pool = Pool::new(cores, &limits);
         let limits = Arc::new(limits);
-        let sessions = Arc::new(Sessions::new(store, pool, event::fold, limits.clone(), stopping.clone()));
+        let sessions = Arc::new(Sessions::new(store, pool, event::FOLDING, limits.clone(), stopping.clone()));
         tokio::spawn(sessions.clone().prove_all());
         Self {
             sessions,
             places: Places::default(),
             meshes: Arc::new(MadeMeshes::new(limits.mesh_bytes)),
+            imports: Imports::new(&limits),
+            references: Arc::default(),
+            errors: Arc::default(),
             limits,
             stopping,
             instance_id: Uuid::now_v7(),
@@ -205,6 +225,7 @@ fn computed<M: Message>(after: Snapshot, reply: &M) -> Computed<Snapshot> {
         stats_after: to_proto::stats(&after).encode_to_vec(),
         state_hash: after.state_hash(),
         append_us: after.updated_us,
+        new_labels: None,
         after,
     }
 }

@@ -35,6 +35,16 @@ impl Queue {
     /// The same on a stream.
     pub(crate) const WATCHERS: Self = Self { is_reading: true, waits_for_room: true };
 
+    /// The same queue, where a job waits for room.
+    pub(crate) fn patient(self) -> Self {
+        Self { waits_for_room: true, ..self }
+    }
+
+    /// Whether a job waits for room.
+    pub(crate) fn is_patient(self) -> bool {
+        self.waits_for_room
+    }
+
     /// Whether it is one of the robots' queues.
     pub(crate) fn is_of_robots(self) -> bool {
         !self.is_reading

@@ -34,7 +34,7 @@ pub(crate) enum Error {
         request_id: String,
     },
     /// The id is taken.
-    #[error("a session {session_id:?} exists already: choose another session_id, or leave it empty")]
+    #[error("a session {session_id:?} exists already: give another session_id")]
     SessionExists {
         /// Its id in the request.
         session_id: String,
@@ -65,9 +65,21 @@ pub(crate) enum Error {
         /// The session's etag.
         actual: String,
     },
+    /// A change that must say which state it was decided on does not.
+    #[error("the session's etag is missing: read the session, and send its etag along with the change")]
+    EtagMissing,
+    /// The session was closed.
+    #[error("session {session_id:?} is finished and takes no changes: fork it to go on")]
+    SessionFinished {
+        /// Which one.
+        session_id: String,
+    },
     /// There is no estimate yet.
     #[error("the session has no visual prior yet: call AddVisualPrior first")]
     NoVisualPrior,
+    /// There is nothing to compare the estimate with.
+    #[error("the session keeps no reference mesh: send one along, or set it first with SetReference")]
+    NoReference,
     /// The log cannot be folded to a sound state.
     #[error(
         "session {session_id:?} is quarantined: {reason}; it can be read up to revision {sound} and takes no changes: go on in a new session, or restore a copy of the database"
@@ -180,12 +192,6 @@ pub(crate) enum Error {
     /// The caller's deadline passed.
     #[error("the deadline passed before the call was answered: try again with the same request_id")]
     DeadlineExceeded,
-    /// Part of the contract, but not of this version.
-    #[error("{what} is not available in this version of the server")]
-    Unimplemented {
-        /// The call or the field.
-        what: String,
-    },
     /// A bug of the server.
     #[error("internal error: nothing was changed; the server's log says more")]
     Internal {
@@ -211,9 +217,15 @@ impl Error {
         Self::Fields(vec![FieldViolation::new(field, description, false)])
     }
 
-    /// A feature of the contract that this version lacks, named by its call or field.
-    pub(crate) fn unimplemented(what: impl Into<String>) -> Self {
-        Self::Unimplemented { what: what.into() }
+    /// The same about a field that the caller wrote under another name.
+    pub(crate) fn of_field(self, field: &str) -> Self {
+        match self {
+            Self::Fields(fields) => {
+                let renamed = fields.into_iter().map(|old| FieldViolation { field: field.to_owned(), ..old });
+                Self::Fields(renamed.collect())
+            }
+            other => other,
+        }
     }
 
     /// A bug, described for the log.
@@ -231,7 +243,10 @@ impl Error {
             Self::RequestIdReused { .. } => "REQUEST_ID_REUSED",
             Self::RevisionMismatch { .. } => "REVISION_MISMATCH",
             Self::EtagMismatch { .. } => "ETAG_MISMATCH",
+            Self::EtagMissing => "ETAG_MISSING",
+            Self::SessionFinished { .. } => "SESSION_FINISHED",
             Self::NoVisualPrior => "NO_VISUAL_PRIOR",
+            Self::NoReference => "NO_REFERENCE",
             Self::SessionQuarantined { .. } => "SESSION_QUARANTINED",
             Self::Quota { .. } => "QUOTA",
             Self::SessionFull { .. } => "SESSION_FULL",
@@ -247,7 +262,6 @@ impl Error {
             Self::StoreFull => "STORE_FULL",
             Self::StoreDown { .. } => "STORE_DOWN",
             Self::DeadlineExceeded => "DEADLINE_EXCEEDED",
-            Self::Unimplemented { .. } => "UNIMPLEMENTED",
             Self::Internal { .. } => "INTERNAL",
         }
     }
@@ -260,9 +274,12 @@ impl Error {
             Self::SessionNotFound { .. } | Self::SessionDeleted { .. } => Code::NotFound,
             Self::SessionExists { .. } | Self::RequestIdReused { .. } => Code::AlreadyExists,
             Self::RevisionMismatch { .. } | Self::EtagMismatch { .. } => Code::Aborted,
-            Self::NoVisualPrior | Self::SessionQuarantined { .. } | Self::SessionFull { .. } => {
-                Code::FailedPrecondition
-            }
+            Self::NoVisualPrior
+            | Self::NoReference
+            | Self::EtagMissing
+            | Self::SessionFinished { .. }
+            | Self::SessionQuarantined { .. }
+            | Self::SessionFull { .. } => Code::FailedPrecondition,
             Self::Quota { .. }
             | Self::QueueFull { .. }
             | Self::TooLarge { .. }
@@ -271,7 +288,6 @@ impl Error {
             | Self::StoreFull => Code::ResourceExhausted,
             Self::Draining | Self::StoreDown { .. } => Code::Unavailable,
             Self::DeadlineExceeded | Self::BodyTooSlow { .. } => Code::DeadlineExceeded,
-            Self::Unimplemented { .. } => Code::Unimplemented,
             Self::Internal { .. } => Code::Internal,
         }
     }
@@ -285,9 +301,12 @@ impl Error {
             | Self::RequestIdReused { .. }
             | Self::RevisionMismatch { .. }
             | Self::NoVisualPrior
+            | Self::NoReference
+            | Self::SessionFinished { .. }
             | Self::SessionFull { .. }
             | Self::SessionQuarantined { .. } => StatusCode::CONFLICT,
             Self::EtagMismatch { .. } => StatusCode::PRECONDITION_FAILED,
+            Self::EtagMissing => StatusCode::PRECONDITION_REQUIRED,
             Self::Quota { .. } | Self::QueueFull { .. } => StatusCode::TOO_MANY_REQUESTS,
             Self::TooLarge { .. } => StatusCode::PAYLOAD_TOO_LARGE,
             Self::HeaderTooLarge { .. } => StatusCode::REQUEST_HEADER_FIELDS_TOO_LARGE,
@@ -299,7 +318,6 @@ impl Error {
             }
             Self::StoreFull => StatusCode::INSUFFICIENT_STORAGE,
             Self::DeadlineExceeded => StatusCode::GATEWAY_TIMEOUT,
-            Self::Unimplemented { .. } => StatusCode::NOT_IMPLEMENTED,
             Self::Internal { .. } => StatusCode::INTERNAL_SERVER_ERROR,
         }
     }

@@ -70,6 +70,9 @@ pub(crate) fn refusal(error: &Error, content_type: &HeaderValue) -> http::Respon
     response
 }
 
+/// Calls that send as many messages as they like.
+const MESSAGES: [&str; 3] = ["/Explore", "/ImportSession", "/ServerReflectionInfo"];
+
 async fn receive(
     State(bodies): State<Bodies>,
     request: http::Request<Body>,
@@ -78,7 +81,7 @@ async fn receive(
     let content_type = request.headers().get(CONTENT_TYPE).cloned();
     let content_type = content_type.unwrap_or(HeaderValue::from_static("application/grpc"));
     let kind = match request.uri().path() {
-        path if path.ends_with("/Explore") || path.ends_with("/ServerReflectionInfo") => Kind::Messages,
+        path if MESSAGES.iter().any(|call| path.ends_with(call)) => Kind::Messages,
         _ => Kind::Whole(timeout(request.headers())),
     };
     bodies.run(request, kind, next, |error| refusal(error, &content_type)).await
@@ -123,11 +126,6 @@ fn replies<T: 'static>(
 ) -> Result<Response<Replies<T>>, Status> {
     let stream = outcome.map_err(|error| status(&error))?;
     Ok(Response::new(Box::pin(stream.map(|item| item.map_err(|error| status(&error))))))
-}
-
-/// A call of the contract that this version does not implement.
-fn unavailable(what: &str) -> Status {
-    status(&Error::unimplemented(what))
 }
 
 /// Who calls, and until when.

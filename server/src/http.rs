@@ -4,11 +4,16 @@
 //! declared twice. Handlers read a request, ask [`Api`] and write the answer; they decide nothing.
 //! Every answer that is not a success is a problem document (RFC 9457).
 
+mod archives;
+mod csv;
 pub(crate) mod dry_run;
+mod evaluation;
 mod events;
 mod examples;
+mod experiments;
 mod exploration;
 mod extract;
+mod history;
 mod json;
 mod json_points;
 mod mesh;
@@ -17,9 +22,10 @@ mod openapi;
 mod operations;
 mod problem;
 mod proto_json;
+mod reference;
 mod schema;
+mod series;
 mod sessions;
-mod unavailable;
 mod view_file;
 
 use std::any::Any;
@@ -57,7 +63,6 @@ pub(crate) fn router(api: Api, bodies: Bodies) -> Router {
     let trace = TraceLayer::new_for_http().make_span_with(span).on_failure(());
     let (routes, _) = documented().split_for_parts();
     routes
-        .merge(unavailable::routes())
         .route("/openapi.json", axum::routing::get(document))
         .with_state(api)
         .merge(openapi::documentation_page())
@@ -84,19 +89,31 @@ pub(crate) fn refusal(error: &Error) -> Response {
 }
 
 async fn receive(State(bodies): State<Bodies>, request: Request, next: Next) -> Response {
-    bodies.run(request, Kind::Whole(None), next, refusal).await
+    let kind = if request.uri().path() == archives::IMPORTS { Kind::Pieces } else { Kind::Whole(None) };
+    bodies.run(request, kind, next, refusal).await
 }
 
 /// The routes that the OpenAPI document describes: each is declared once, beside its handler.
 fn documented() -> OpenApiRouter<Api> {
     OpenApiRouter::with_openapi(openapi::introduction())
         .routes(routes!(sessions::create, sessions::list))
-        .routes(routes!(sessions::get, sessions::delete))
+        .routes(routes!(sessions::get, sessions::delete, history::update))
+        .routes(routes!(history::finish))
+        .routes(routes!(history::fork))
+        .routes(routes!(history::retract))
+        .routes(routes!(history::replay))
+        .routes(routes!(archives::export))
+        .routes(routes!(archives::import))
         .routes(routes!(exploration::add_prior))
         .routes(routes!(exploration::propose))
         .routes(routes!(exploration::report))
         .routes(routes!(mesh::get))
         .routes(routes!(events::get))
+        .routes(routes!(evaluation::evaluate))
+        .routes(routes!(reference::set, reference::get, reference::delete))
+        .routes(routes!(series::get))
+        .routes(routes!(experiments::list))
+        .routes(routes!(experiments::summary))
         .routes(routes!(operations::healthz))
         .routes(routes!(operations::livez))
         .routes(routes!(operations::readyz))

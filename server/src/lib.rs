@@ -4,6 +4,7 @@
 //! method itself in `palpate-core`. `wire` holds the conversions between messages and values.
 
 mod api;
+mod archive;
 mod compute;
 mod cors;
 mod depth;

@@ -60,12 +60,22 @@ pub struct Limits {
     pub json_fields: usize,
     /// Arrays and their values in a JSON body: numbers of points, above all.
     pub json_values: usize,
+    /// Vertices, and triangles, of a reference mesh.
+    pub reference_faces: usize,
+    /// Revisions that one call compares with a reference mesh.
+    pub evaluated_revisions: usize,
+    /// Samples of each surface for one comparison.
+    pub samples: u32,
+    /// Sessions in the summary of an experiment.
+    pub summarized_sessions: usize,
     /// Contact results of one session, failures included.
     pub contacts: u32,
     /// Candidates in one reply.
     pub top_k: u32,
     /// Keep-out regions in one request.
     pub keep_out: usize,
+    /// Strategies that one session asks beside its own.
+    pub shadow: usize,
     /// Declared pads of one session, and contacts of one result.
     pub pads: usize,
     /// Longest lease of a candidate.
@@ -84,6 +94,12 @@ pub struct Limits {
     pub text_bytes: usize,
     /// Bytes that the events of one session may take.
     pub session_bytes: u64,
+    /// Bytes of a bundle that is imported: a session of `session_bytes` with all that goes with it.
+    pub archive_bytes: u64,
+    /// Members of a bundle, most of which are events.
+    pub archive_members: usize,
+    /// Bytes of all bundles that are being imported at once.
+    pub import_bytes: u64,
     /// Bytes that the database may hold.
     pub database_bytes: u64,
     /// How fast logs are proved in the background, in bytes a second.
@@ -150,6 +166,9 @@ pub struct Limits {
     pub heartbeat_max: Duration,
     /// How long a call may take where the caller names no deadline.
     pub call_timeout: Duration,
+    /// How long a session may take to be computed anew, for a fork, an import or a retraction: longer than its caller
+    /// waits, who asks again.
+    pub recompute_timeout: Duration,
     /// How long open connections may take to finish when the server stops.
     pub drain: Duration,
 }
@@ -161,9 +180,14 @@ impl Default for Limits {
             json_bytes: 4 << 20,
             json_fields: 20_000,
             json_values: 800_000,
+            reference_faces: 1_000_000,
+            evaluated_revisions: 64,
+            samples: 50_000,
+            summarized_sessions: 2000,
             contacts: 1000,
             top_k: 64,
             keep_out: 64,
+            shadow: 4,
             pads: 8,
             lease_max: Duration::from_secs(600),
             leased_places: 256,
@@ -173,6 +197,9 @@ impl Default for Limits {
             name_bytes: 256,
             text_bytes: 4096,
             session_bytes: 256 << 20,
+            archive_bytes: 288 << 20,
+            archive_members: 100_000,
+            import_bytes: 320 << 20,
             database_bytes: 64 << 30,
             proof_bytes_per_s: 64 << 20,
             proof_pause: Duration::from_secs(6 * 3600),
@@ -206,6 +233,7 @@ impl Default for Limits {
             heartbeat_min: Duration::from_secs(1),
             heartbeat_max: Duration::from_secs(3600),
             call_timeout: Duration::from_secs(60),
+            recompute_timeout: Duration::from_secs(600),
             drain: Duration::from_secs(10),
         }
     }

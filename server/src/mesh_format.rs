@@ -3,6 +3,8 @@
 //! Pure functions between bytes and the core's types.
 //! All lengths are metres in the session's frame; all packed numbers are little-endian.
 
+mod colour;
+mod glb;
 mod obj;
 mod ply;
 mod points;
@@ -11,6 +13,7 @@ mod stl;
 
 use palpate_core::reconstruction::Surface;
 
+pub(crate) use colour::Colormap;
 pub(crate) use points::{Cloud, Declared, Layout, PointEncoding, read_points};
 pub(crate) use raw::{RawArrays, raw};
 
@@ -23,6 +26,44 @@ pub(crate) enum FileFormat {
     Obj,
     /// Binary STL: the shape alone, as separate triangles.
     Stl,
+    /// Binary glTF with `_UNCERTAINTY`, and `_STD_M` where it is known, of each vertex, and as a colour.
+    Glb(Colormap),
+}
+
+/// What a file says of the surface in it, for people.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Remark<'a> {
+    pub(crate) session_id: &'a str,
+    pub(crate) frame_id: &'a str,
+    pub(crate) revision: i64,
+}
+
+impl Remark<'_> {
+    /// Whose surface it is.
+    fn origin(&self) -> String {
+        format!("Palpate, session {}, revision {}", plain(self.session_id), self.revision)
+    }
+
+    /// What its numbers are: names are written so that they cannot end a line, nor a header.
+    fn units(&self) -> String {
+        format!("unit m, in the frame {}", plain(self.frame_id))
+    }
+}
+
+/// A text of printable ASCII characters only, the others being escaped.
+fn plain(text: &str) -> String {
+    let is_plain = |character: char| character.is_ascii_graphic() || character == ' ';
+    text.chars()
+        .map(
+            |character| {
+                if is_plain(character) {
+                    character.to_string()
+                } else {
+                    character.escape_default().to_string()
+                }
+            },
+        )
+        .collect()
 }
 
 impl FileFormat {
@@ -32,16 +73,18 @@ impl FileFormat {
             Self::Ply => "model/ply",
             Self::Obj => "model/obj",
             Self::Stl => "model/stl",
+            Self::Glb(_) => "model/gltf-binary",
         }
     }
 }
 
-/// Writes `surface` as a file; `revision` is noted in it where the format has room for a remark.
-pub(crate) fn write_file(format: FileFormat, surface: &Surface, revision: i64) -> Vec<u8> {
+/// Writes `surface` as a file; `remark` is noted in it as far as the format has room.
+pub(crate) fn write_file(format: FileFormat, surface: &Surface, remark: &Remark<'_>) -> Vec<u8> {
     match format {
-        FileFormat::Ply => ply::write(surface, revision),
-        FileFormat::Obj => obj::write(surface, revision),
-        FileFormat::Stl => stl::write(surface, revision),
+        FileFormat::Ply => ply::write(surface, remark),
+        FileFormat::Obj => obj::write(surface, remark),
+        FileFormat::Stl => stl::write(surface, remark),
+        FileFormat::Glb(colormap) => glb::write(surface, remark, colormap),
     }
 }
 
@@ -49,6 +92,20 @@ pub(crate) fn write_file(format: FileFormat, surface: &Surface, revision: i64) -
 pub(crate) mod tests {
     use palpate_core::geometry::{Point, TriangleMesh};
     use palpate_core::reconstruction::Surface;
+
+    use super::{Remark, plain};
+
+    pub(crate) const REMARK: Remark<'_> = Remark { session_id: "mug", frame_id: "base", revision: 7 };
+
+    /// A frame whose name would end the header of any text format.
+    pub(crate) const HOSTILE: Remark<'_> =
+        Remark { session_id: "mug", frame_id: "base\nend_header\r\n\u{2028}v 1 2 3", revision: 7 };
+
+    #[test]
+    fn a_name_cannot_end_a_line() {
+        assert_eq!(plain(HOSTILE.frame_id), r"base\nend_header\r\n\u{2028}v 1 2 3");
+        assert_eq!(plain("Tisch 2, \u{e4}u\u{df}en"), r"Tisch 2, \u{e4}u\u{df}en");
+    }
 
     /// A tetrahedron with a corner at the origin and three edges of 0.1 m along the axes.
     pub(crate) fn tetrahedron() -> Surface {

@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! created --> AwaitingPrior --first visual prior--> Active
-//!                   |                                  |
+//!    forked -->     |                                  |
+//!                   |------------ finished ------------+--> Finished
 //!                   `--- a log that cannot be replayed +--> Quarantined
 //! ```
 
@@ -14,9 +15,9 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime};
 
-use palpate_core::config::Config;
+use palpate_core::config::{Config, Strategy};
 use palpate_core::evidence::{Evidence, Pad as TouchingPad};
-use palpate_core::exploration::{KeepOut, MountedPad, Proposal, ProposalRequest};
+use palpate_core::exploration::{Candidate, KeepOut, MountedPad, Proposal, ProposalRequest};
 use palpate_core::geometry::Pose;
 use palpate_core::reconstruction::{ALGORITHM_VERSION, Findings, Reconstruction, Stats, StopReason, Update};
 
@@ -24,6 +25,7 @@ use sha2::{Digest, Sha256};
 
 use crate::error::Error;
 use crate::sessions::Aggregate;
+use crate::store::Event;
 
 pub(crate) use leases::{Lease, Leases};
 pub(crate) use views::AddedView;
@@ -47,8 +49,20 @@ pub(crate) struct Definition {
     pub(crate) keep_out: Vec<KeepOut>,
     /// Which sizes of a view are plausible.
     pub(crate) plausible_size: PlausibleSize,
+    /// Strategies that are asked beside the session's own, and not followed.
+    pub(crate) shadow: Vec<Strategy>,
+    /// The sessions that this one was forked from, the nearest first.
+    pub(crate) ancestors: Vec<Ancestor>,
     /// Microseconds since 1970, UTC.
     pub(crate) created_us: i64,
+}
+
+/// A session that another one was forked from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Ancestor {
+    pub(crate) session_id: String,
+    /// The last of its events that the fork has.
+    pub(crate) revision: i64,
 }
 
 /// Which lengths of a view are plausible, in metres, in order.
@@ -88,6 +102,13 @@ pub(crate) struct Question {
     pub(crate) robot_id: String,
 }
 
+impl Question {
+    /// Asks for nothing.
+    pub(crate) fn none() -> Self {
+        Self { request: ProposalRequest::best(0), robot_id: String::new() }
+    }
+}
+
 impl Definition {
     /// Where no approach of this session may go, whoever asks.
     fn forbidden(&self) -> Vec<KeepOut> {
@@ -100,8 +121,15 @@ impl Definition {
 
     /// A tag that tells its candidates from those of other sessions.
     pub(crate) fn tag(&self) -> u32 {
-        let digest = Sha256::digest(&self.session_id);
-        u32::from_be_bytes([digest[0], digest[1], digest[2], digest[3]])
+        tag(&self.session_id)
+    }
+
+    /// Whether candidates with this tag that were proposed at `revision` aim at this session's object: its own do, and
+    /// those that its ancestors proposed before it was forked.
+    pub(crate) fn knows(&self, candidate_tag: u32, revision: i64) -> bool {
+        let is_of =
+            |ancestor: &Ancestor| tag(&ancestor.session_id) == candidate_tag && revision <= ancestor.revision;
+        candidate_tag == self.tag() || self.ancestors.iter().any(is_of)
     }
 
     /// The pads to choose from, in the order of their declaration.
@@ -132,6 +160,11 @@ impl Definition {
     }
 }
 
+fn tag(session_id: &str) -> u32 {
+    let digest = Sha256::digest(session_id);
+    u32::from_be_bytes([digest[0], digest[1], digest[2], digest[3]])
+}
+
 /// Which calls a session takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum SessionState {
@@ -139,6 +172,8 @@ pub(crate) enum SessionState {
     AwaitingPrior,
     /// There is an estimate; contacts are taken.
     Active,
+    /// Closed by the caller: it is read only.
+    Finished,
     /// The log is damaged: the state is that of the last event before the damage.
     Quarantined,
 }
@@ -166,6 +201,10 @@ pub(crate) struct Snapshot {
     pub(crate) view_edge_m: Option<f64>,
     /// Places that are promised to a robot; those that expired since are among them.
     pub(crate) leases: Leases,
+    /// The events that were retracted, by their seq, in the order of their retraction.
+    pub(crate) retracted: Vec<i64>,
+    /// The remark that the session was finished with.
+    pub(crate) finish_note: String,
     pub(crate) reconstruction: Reconstruction,
     pub(crate) stats: Stats,
     /// What the session found out about its evidence.
@@ -189,6 +228,8 @@ impl Snapshot {
             evidence: Vec::new(),
             view_edge_m: None,
             leases: Leases::default(),
+            retracted: Vec::new(),
+            finish_note: String::new(),
             stats: reconstruction.stats(),
             findings: Findings::default(),
             should_stop: None,
@@ -236,6 +277,8 @@ impl Snapshot {
             evidence,
             view_edge_m: self.view_edge_m,
             leases: self.leases.at(at_us),
+            retracted: self.retracted.clone(),
+            finish_note: self.finish_note.clone(),
             stats: reconstruction.stats(),
             findings: reconstruction.findings(),
             should_stop: reconstruction.stop_reason(),
@@ -246,16 +289,85 @@ impl Snapshot {
         }
     }
 
+    /// The session after an event that leaves the estimate as it is, accepted at `at_us`.
+    pub(crate) fn noted(&self, at_us: i64) -> Self {
+        Self {
+            revision: self.revision + 1,
+            updated_us: at_us,
+            leases: self.leases.at(at_us),
+            last_update: Duration::ZERO,
+            ..self.clone()
+        }
+    }
+
+    /// The session after it was closed.
+    pub(crate) fn finished(&self, note: String, at_us: i64) -> Self {
+        Self { state: SessionState::Finished, finish_note: note, ..self.noted(at_us) }
+    }
+
+    /// The session after what people call it was changed; `None` leaves a part as it is.
+    pub(crate) fn renamed(
+        &self,
+        display_name: Option<String>,
+        labels: Option<BTreeMap<String, String>>,
+        at_us: i64,
+    ) -> Self {
+        let mut definition = (*self.definition).clone();
+        definition.display_name = display_name.unwrap_or(definition.display_name);
+        definition.labels = labels.unwrap_or(definition.labels);
+        Self { definition: Arc::new(definition), ..self.noted(at_us) }
+    }
+
+    /// The session after the event `seq` was retracted, which its evidence does not have any more.
+    pub(crate) fn retracted(&self, seq: i64, at_us: i64) -> Self {
+        let mut after = self.noted(at_us);
+        after.retracted.push(seq);
+        after
+    }
+
+    /// Whether the event `seq` can be retracted: it is evidence that counts.
+    pub(crate) fn is_evidence(&self, seq: i64) -> bool {
+        self.evidence.iter().any(|(known, _)| *known == seq)
+    }
+
     /// Where to touch next with the session's pads, away from what it must keep out of and from what is
     /// promised to others at `now_us`.
     pub(crate) fn propose(&self, question: &Question, now_us: i64) -> Proposal {
+        self.reconstruction.propose(&self.within_bounds(question, now_us))
+    }
+
+    /// Where a strategy would touch next, the session's own or another one; nothing where it finds nothing.
+    pub(crate) fn choice_of(&self, strategy: Strategy) -> Option<Candidate> {
+        let question = Question { request: ProposalRequest::best(1), robot_id: String::new() };
+        let request = self.within_bounds(&question, self.updated_us);
+        // The definition has only strategies that its method takes.
+        let proposal = self.reconstruction.propose_by(strategy, &request).ok()?;
+        proposal.candidates.into_iter().next()
+    }
+
+    fn within_bounds(&self, question: &Question, now_us: i64) -> ProposalRequest {
         let Question { request, robot_id } = question;
-        let request = request
+        request
             .clone()
             .keeping_out_of(self.definition.forbidden())
             .for_pads(self.definition.pads())
-            .leaving(self.leases.at(now_us).of_others(robot_id));
-        self.reconstruction.propose(&request)
+            .leaving(self.leases.at(now_us).of_others(robot_id))
+    }
+
+    /// The seqs of all views and results, those that were retracted included, in their order.
+    pub(crate) fn evidence_seqs(&self) -> Vec<i64> {
+        let counting = self.evidence.iter().map(|(seq, _)| *seq);
+        let mut seqs: Vec<i64> = counting.chain(self.retracted.iter().copied()).collect();
+        seqs.sort_unstable();
+        seqs
+    }
+
+    /// Refuses a session that is quarantined.
+    ///
+    /// # Errors
+    /// Why it is.
+    pub(crate) fn check_sound(&self) -> Result<(), Error> {
+        if self.state == SessionState::Quarantined { self.check_open() } else { Ok(()) }
     }
 
     /// The seq of the event of a piece of evidence by its number.
@@ -297,12 +409,19 @@ impl Aggregate for Snapshot {
     fn check_open(&self) -> Result<(), Error> {
         match self.state {
             SessionState::AwaitingPrior | SessionState::Active => Ok(()),
+            SessionState::Finished => {
+                Err(Error::SessionFinished { session_id: self.definition.session_id.clone() })
+            }
             SessionState::Quarantined => {
                 let reason = self.set_aside.as_ref().map(|aside| aside.reason.clone()).unwrap_or_default();
                 let session_id = self.definition.session_id.clone();
                 Err(Error::SessionQuarantined { session_id, sound: self.revision, reason })
             }
         }
+    }
+
+    fn without_event(&self, row: &Event) -> Self {
+        self.noted(row.append_us)
     }
 
     fn quarantined(&self, reason: &str, head: i64) -> Self {

@@ -12,12 +12,14 @@
 //! process is computed again, bit for bit. What states and bytes mean is not known here.
 
 mod aggregate;
+mod copying;
 mod creation;
 mod deletion;
 mod live;
 mod past;
 mod proof;
 mod replay;
+mod retraction;
 #[cfg(test)]
 mod tests;
 
@@ -33,10 +35,15 @@ use crate::compute::{Pool, Queue};
 use crate::error::Error;
 use crate::limits::Limits;
 use crate::store::{Damage, Event, Link, SessionHead, Store, StoreError};
-pub(crate) use aggregate::{Aggregate, Computed, Created, Decision, Fold, FoldError, StoredEvent};
+pub(crate) use aggregate::{
+    Aggregate, Computed, Created, Decision, FoldError, Folding, Recompute, StoredEvent,
+};
+pub(crate) use copying::{Carried, Copy, Original, Takeover};
 use live::{Head, Live, LiveSessions, Replayed};
 use past::PastStates;
 use proof::Proven;
+pub(crate) use replay::FreshFold;
+pub(crate) use retraction::Retractions;
 
 /// How often a change starts again when other processes append to the same session.
 const ATTEMPTS: usize = 5;
@@ -47,7 +54,7 @@ const RETRY_WRITE_AFTER: Duration = Duration::from_millis(50);
 pub(crate) struct Sessions<S> {
     pub(crate) store: Store,
     pub(crate) pool: Pool,
-    fold: Fold<S>,
+    folding: Folding<S>,
     limits: Arc<Limits>,
     live: LiveSessions<S>,
     past: PastStates<S>,
@@ -98,17 +105,17 @@ pub(crate) struct Reply {
 }
 
 impl<S: Aggregate> Sessions<S> {
-    /// Sessions whose states `fold` makes of their logs.
+    /// Sessions whose states `folding` makes of their logs.
     pub(crate) fn new(
         store: Store,
         pool: Pool,
-        fold: Fold<S>,
+        folding: Folding<S>,
         limits: Arc<Limits>,
         stopping: CancellationToken,
     ) -> Self {
         let live = LiveSessions::new(limits.live_sessions, limits.session_queue);
         let past = PastStates::new(limits.past_states);
-        Self { store, pool, fold, limits, live, past, proven: Proven::default(), stopping }
+        Self { store, pool, folding, limits, live, past, proven: Proven::default(), stopping }
     }
 
     /// Creates a session.
@@ -153,7 +160,11 @@ impl<S: Aggregate> Sessions<S> {
     ///
     /// # Errors
     /// No such session, or its log could not be read in time.
-    pub(crate) async fn newest(&self, session_id: &str, deadline: Instant) -> Result<Arc<S>, Error> {
+    pub(crate) async fn newest(
+        self: &Arc<Self>,
+        session_id: &str,
+        deadline: Instant,
+    ) -> Result<Arc<S>, Error> {
         Ok(self.open(session_id, Queue::ROBOTS, deadline).await?.1.borrow().clone())
     }
 
@@ -166,7 +177,11 @@ impl<S: Aggregate> Sessions<S> {
     ///
     /// # Errors
     /// No such session, or its log could not be read in time.
-    pub(crate) async fn subscribe(&self, session_id: &str, deadline: Instant) -> Result<States<S>, Error> {
+    pub(crate) async fn subscribe(
+        self: &Arc<Self>,
+        session_id: &str,
+        deadline: Instant,
+    ) -> Result<States<S>, Error> {
         Ok(self.open(session_id, Queue::WATCHERS, deadline).await?.1)
     }
 
@@ -175,13 +190,14 @@ impl<S: Aggregate> Sessions<S> {
     /// # Errors
     /// No such session or revision, or its log could not be read in time.
     pub(crate) async fn at_revision(
-        &self,
+        self: &Arc<Self>,
         session_id: &str,
         revision: i64,
         queue: Queue,
         deadline: Instant,
     ) -> Result<Arc<S>, Error> {
-        let newest = self.open(session_id, queue, deadline).await?.1.borrow().clone();
+        let (live, states) = self.open(session_id, queue, deadline).await?;
+        let newest = states.borrow().clone();
         let head = newest.revision();
         if revision == 0 || revision == head {
             return Ok(newest);
@@ -193,15 +209,14 @@ impl<S: Aggregate> Sessions<S> {
             let description = format!("{revision} is not between 1 and the session's revision {head}");
             return Err(Error::field("revision", description));
         }
-        // Each event is checked by the one before it, so where the kept state ends need not be known.
-        let nearest = self.past.nearest(&*newest, revision);
-        let nearest = nearest.map(|state| Replayed { state, head: Head::empty(session_id) });
-        let state = self.replay(session_id, nearest, revision, queue, deadline).await?.state;
-        self.past.keep(state.clone());
-        Ok(state)
+        self.past_state(live, newest, revision, queue, deadline).await
     }
 
-    async fn change_in_order(&self, change: &Change<S>, deadline: Instant) -> Result<Reply, Error> {
+    async fn change_in_order(
+        self: &Arc<Self>,
+        change: &Change<S>,
+        deadline: Instant,
+    ) -> Result<Reply, Error> {
         let Change { session_id, request, expected_revision, actor, compute } = change;
         self.refuse_while_stopping()?;
         for _ in 0..ATTEMPTS {
@@ -216,6 +231,7 @@ impl<S: Aggregate> Sessions<S> {
             let before = states.borrow().clone();
             let (event, computed) = match self.compute(&before, *expected_revision, compute, deadline).await {
                 Ok(Decision::Append(event, computed)) => (event, computed),
+                Ok(Decision::Retract(seq, compute)) => self.retract(&before, seq, compute).await?,
                 Ok(Decision::Answer(bytes)) => return Ok(Reply { bytes, duplicate: false }),
                 // A refusal must rest on the newest state, and another process may have written since.
                 Err(_) if before.check_open().is_ok() && self.is_behind(&*before).await? => {
@@ -265,30 +281,33 @@ impl<S: Aggregate> Sessions<S> {
         if request.id.is_empty() {
             return Ok(None);
         }
-        match self.store.first_under(session_id, &request.id).await? {
-            None => Ok(None),
-            Some(first) if first.request_digest == request.digest => {
-                Ok(Some(Reply { bytes: first.reply, duplicate: true }))
-            }
-            Some(_) => Err(Error::RequestIdReused { request_id: request.id.clone() }),
-        }
+        let first = self.store.first_under(session_id, &request.id).await?;
+        first.map(|first| answered_before(request, &first.request_digest, first.reply)).transpose()
     }
 
-    /// The session in memory, replayed from its log if it was not there.
+    /// The session in memory, replayed from its log if it was not there. The replay goes on when its caller stops
+    /// waiting, so that a session opens in the end however short the deadlines are.
     async fn open(
-        &self,
+        self: &Arc<Self>,
         session_id: &str,
         queue: Queue,
         deadline: Instant,
     ) -> Result<(Arc<Live<S>>, States<S>), Error> {
         let live = self.live.get(session_id);
-        match live.load(|| self.replay(session_id, None, i64::MAX, queue, deadline)).await {
-            Ok(states) => Ok((live, states)),
-            Err(error) => {
-                self.live.forget(session_id, &live);
-                Err(error)
-            }
+        if let Some(states) = live.states() {
+            return Ok((live, states));
         }
+        let (this, loading, id) = (self.clone(), live.clone(), session_id.to_owned());
+        let load = detached(async move {
+            let until = Instant::now() + this.limits.recompute_timeout;
+            let loaded = loading.load(|| this.replay(&id, None, i64::MAX, queue, until)).await;
+            if loaded.is_err() {
+                this.live.forget(&id, &loading);
+            }
+            loaded
+        });
+        let states = tokio::time::timeout_at(deadline, load).await.unwrap_or(Err(Error::DeadlineExceeded))?;
+        Ok((live, states))
     }
 
     fn session_is_full(&self) -> Error {
@@ -298,6 +317,15 @@ impl<S: Aggregate> Sessions<S> {
 
     fn refuse_while_stopping(&self) -> Result<(), Error> {
         if self.stopping.is_cancelled() { Err(Error::Draining) } else { Ok(()) }
+    }
+}
+
+/// The reply to the first request under an id, which must have had the same body.
+fn answered_before(request: &RequestKey, digest: &[u8], reply: Vec<u8>) -> Result<Reply, Error> {
+    if digest == request.digest {
+        Ok(Reply { bytes: reply, duplicate: true })
+    } else {
+        Err(Error::RequestIdReused { request_id: request.id.clone() })
     }
 }
 
@@ -317,7 +345,7 @@ fn recorded<S: Aggregate>(
     actor: &str,
     before: &Link,
 ) -> (S, SessionHead, Event) {
-    let Computed { after, state, summary, reply, stats_after, state_hash, append_us } = computed;
+    let Computed { after, state, summary, reply, stats_after, state_hash, append_us, new_labels } = computed;
     let (session_id, created_us) = after.identity();
     let (session_id, created_us) = (session_id.to_owned(), created_us);
     let event = Event {
@@ -334,7 +362,7 @@ fn recorded<S: Aggregate>(
         actor: actor.to_owned(),
     };
     let link = event.link(before);
-    let head = SessionHead { session_id, created_us, state, summary, link };
+    let head = SessionHead { session_id, created_us, state, summary, link, new_labels };
     (after, head, event)
 }
 

@@ -18,6 +18,7 @@ mod linking;
 mod open;
 mod read;
 mod readable;
+mod references;
 mod witness;
 mod write;
 
@@ -31,13 +32,14 @@ use tokio_util::sync::CancellationToken;
 use crate::limits::Limits;
 
 use change::Change;
-pub(crate) use change::{Damage, Deletion, NewSession, SessionHead};
+pub(crate) use change::{Damage, Deletion, Import, NewSession, SessionHead};
 pub(crate) use event::Event;
 pub(crate) use link::{Link, first as first_link};
 pub use open::OpenError;
 use open::Opened;
-pub(crate) use read::{Filter, PageEnd, SessionRow, StateFilter};
+pub(crate) use read::{ExperimentPart, Filter, FirstRequest, PageEnd, SessionRow, StateFilter};
 use readable::Readable;
+pub(crate) use references::{KeptReference, NewErrors, NewReference, ReferenceKey, SurfaceError};
 use write::{Job, Writer};
 
 /// Why an operation on the log failed.
@@ -128,12 +130,12 @@ impl Store {
         Self { readers, jobs, closing, closed, missing, readable }
     }
 
-    /// Writes a session with its first event.
+    /// Writes a session with its first events, all or none.
     ///
     /// # Errors
     /// [`StoreError::Conflict`] when the id is taken, or the request id made another session.
-    pub(crate) async fn create(&self, session: NewSession, event: Event) -> Result<(), StoreError> {
-        self.write(Change::Create(Box::new((session, event)))).await
+    pub(crate) async fn create(&self, session: NewSession, events: Vec<Event>) -> Result<(), StoreError> {
+        self.write(Change::Create(Box::new((session, events)))).await
     }
 
     /// Appends an event after the one with the link `before`, and brings the session's head up to date.

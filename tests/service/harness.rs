@@ -1,6 +1,7 @@
 //! What every test needs: a server to call, callers of both transports, and something to say.
 
 pub(crate) mod ball;
+pub(crate) mod bundle;
 mod caller;
 mod http;
 mod process;
@@ -10,6 +11,7 @@ mod raw;
 mod refusal;
 mod samples;
 mod server;
+pub(crate) mod truth;
 
 use std::time::Duration;
 

@@ -73,6 +73,47 @@ async fn a_closed_surface_of_a_ball_comes_in_every_format() {
     assert_eq!(obj.lines().filter(|line| line.starts_with("f ")).count(), 5120);
     let stl = file(&caller, MeshFormat::Stl).await;
     assert_eq!((stl.len(), &stl[80..84]), (84 + 50 * 5120, &5120_u32.to_le_bytes()[..]));
+    let glb = file(&caller, MeshFormat::Glb).await;
+    let gltf::Gltf { document, blob } = gltf::Gltf::from_slice(&glb).unwrap();
+    let primitive = document.meshes().next().unwrap().primitives().next().unwrap();
+    let reader = primitive.reader(|_| blob.as_deref());
+    assert_eq!(reader.read_positions().unwrap().collect::<Vec<_>>(), vertices);
+    let indices: Vec<u32> = reader.read_indices().unwrap().into_u32().collect();
+    assert_eq!(indices, faces.as_flattened());
+}
+
+#[tokio::test]
+async fn a_glb_has_the_colours_that_were_asked_for_over_both_transports() {
+    let server = Server::start().await;
+    let caller = server.grpc();
+    caller.begin("ball").await;
+    let coloured =
+        |colormap: v1::Colormap, format| v1::GetMeshRequest { colormap: colormap.into(), ..ask(0, format) };
+    let get = async |query: &str| {
+        let response = accepted(server.http().get(&format!("/v1/sessions/ball/mesh?{query}"))).await.unwrap();
+        assert_eq!(header(&response, "content-type"), "model/gltf-binary");
+        assert_eq!(header(&response, "content-disposition"), "inline; filename=\"ball-r0002.glb\"");
+        response.bytes().await.unwrap()
+    };
+    let mut files = Vec::new();
+    for (colormap, query) in [
+        (v1::Colormap::Unspecified, "format=glb"),
+        (v1::Colormap::Paper, "format=glb&colormap=paper"),
+        (v1::Colormap::Cividis, "format=glb&colormap=cividis"),
+    ] {
+        let Some(Body::File(file)) = caller.mesh(coloured(colormap, MeshFormat::Glb)).await.unwrap().body
+        else {
+            panic!("a file")
+        };
+        assert_eq!(get(query).await, file);
+        files.push(file);
+    }
+    assert_eq!(files[0], files[1]);
+    assert_ne!(files[1], files[2]);
+    let ply = coloured(v1::Colormap::Paper, MeshFormat::Ply);
+    assert_eq!(caller.mesh(ply).await.unwrap_err().fields, ["colormap"]);
+    let unknown = server.http().get("/v1/sessions/ball/mesh?format=glb&colormap=pink");
+    assert_eq!(accepted(unknown).await.unwrap_err().fields, ["colormap"]);
 }
 
 fn signed_volume(vertices: &[[f32; 3]], face: [u32; 3]) -> f64 {

@@ -26,7 +26,7 @@ async fn a_server_tells_what_it_is_and_can_do() {
         let info = server.caller(transport).server_info().await.unwrap();
         assert!(info.version.starts_with(char::is_numeric) && !info.algorithm_version.is_empty());
         assert!(info.capabilities.iter().any(|name| name == "method:paper"));
-        assert_eq!(info.mesh_formats.len(), 4);
+        assert_eq!(info.mesh_formats.len(), 5);
         assert_eq!(info.max_message_bytes, 16 << 20);
     }
     let before = server.grpc().server_info().await.unwrap().instance_id;

@@ -4,9 +4,15 @@ mod completions;
 mod demo;
 mod evaluate;
 mod explore;
+mod export;
+mod fork;
+mod import;
+mod list;
 mod manual;
+mod replay;
 mod robot;
 mod serve;
+mod server;
 
 use clap::Subcommand;
 
@@ -26,6 +32,21 @@ pub(crate) enum Command {
     /// Compare strategies on many objects and seeds, with tables and plots.
     #[command(long_about = evaluate::ABOUT)]
     Evaluate(evaluate::Args),
+    /// List the sessions of a running server.
+    #[command(name = "ls", long_about = list::ABOUT)]
+    List(list::Args),
+    /// Make a session of the touches of another one, under another method, strategy or symmetry.
+    #[command(long_about = fork::ABOUT)]
+    Fork(fork::Args),
+    /// Show the steps of a session again, and prove that they are what was recorded.
+    #[command(long_about = replay::ABOUT)]
+    Replay(replay::Args),
+    /// Write a session into a file: a bundle, a table or a recording for viewers.
+    #[command(long_about = export::ABOUT)]
+    Export(export::Args),
+    /// Bring a session from a bundle onto a running server.
+    #[command(long_about = import::ABOUT)]
+    Import(import::Args),
     /// Print what makes a shell complete the arguments.
     #[command(long_about = completions::ABOUT)]
     Completions(completions::Args),
@@ -42,6 +63,11 @@ impl Command {
             Self::Serve(args) => serve::run(args).await,
             Self::Explore(args) => explore::run(args).await,
             Self::Evaluate(args) => evaluate::run(args).await,
+            Self::List(args) => list::run(args).await,
+            Self::Fork(args) => fork::run(args).await,
+            Self::Replay(args) => replay::run(args).await,
+            Self::Export(args) => export::run(args).await,
+            Self::Import(args) => import::run(args).await,
             Self::Completions(args) => completions::run(&args, program),
             Self::Man(args) => manual::run(&args, program),
         }
@@ -51,9 +77,16 @@ impl Command {
     pub(crate) fn default_log(&self) -> &'static str {
         match self {
             Self::Serve(_) => "info",
-            Self::Demo(_) | Self::Explore(_) | Self::Evaluate(_) | Self::Completions(_) | Self::Man(_) => {
-                "warn"
-            }
+            Self::Demo(_)
+            | Self::Explore(_)
+            | Self::Evaluate(_)
+            | Self::List(_)
+            | Self::Fork(_)
+            | Self::Replay(_)
+            | Self::Export(_)
+            | Self::Import(_)
+            | Self::Completions(_)
+            | Self::Man(_) => "warn",
         }
     }
 }

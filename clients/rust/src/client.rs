@@ -7,10 +7,14 @@ use palpate_proto::v1::exploration_service_client::ExplorationServiceClient;
 use palpate_proto::v1::reconstruction_service_client::ReconstructionServiceClient;
 use palpate_proto::v1::session_service_client::SessionServiceClient;
 use palpate_proto::v1::{
-    AddVisualPriorRequest, AddVisualPriorResponse, CreateSessionRequest, DeleteSessionRequest, ExploreOpen,
-    GetMeshRequest, GetServerInfoRequest, GetSessionRequest, ListEventsRequest, ListEventsResponse,
-    ListSessionsRequest, ListSessionsResponse, Mesh, ProposeContactsRequest, ProposeContactsResponse,
-    ReportContactRequest, ReportContactResponse, ServerInfo, Session, WatchSessionRequest,
+    AddVisualPriorRequest, AddVisualPriorResponse, CreateSessionRequest, DeleteReferenceRequest,
+    DeleteSessionRequest, EvaluateSessionRequest, EvaluateSessionResponse, ExperimentSummary, ExploreOpen,
+    FinishSessionRequest, ForkSessionRequest, GetMeshRequest, GetReferenceRequest, GetSeriesRequest,
+    GetSeriesResponse, GetServerInfoRequest, GetSessionRequest, ListEventsRequest, ListEventsResponse,
+    ListExperimentsRequest, ListExperimentsResponse, ListSessionsRequest, ListSessionsResponse, Mesh,
+    ProposeContactsRequest, ProposeContactsResponse, Reference, ReportContactRequest, ReportContactResponse,
+    RetractEventRequest, ServerInfo, Session, SetReferenceRequest, SummarizeExperimentRequest,
+    UpdateSessionRequest, WatchSessionRequest,
 };
 use tokio::time::timeout;
 use tonic::transport::Channel;
@@ -79,6 +83,41 @@ impl Client {
         }
     }
 
+    /// Changes what people call a session; `session.etag` says which state was read.
+    pub async fn update_session(&self, mut request: UpdateSessionRequest) -> Result<Session, Error> {
+        ensure_request_id(&mut request.request_id);
+        self.call(request, |request| async { self.sessions().update_session(request).await }).await
+    }
+
+    /// Closes a session: it stays readable, and can be forked.
+    pub async fn finish_session(&self, mut request: FinishSessionRequest) -> Result<Session, Error> {
+        ensure_request_id(&mut request.request_id);
+        self.call(request, |request| async { self.sessions().finish_session(request).await }).await
+    }
+
+    /// Copies a session up to any revision, with another configuration if wanted. The copy is computed anew: where that
+    /// takes longer than the deadline, the retries ask until it is done.
+    pub async fn fork_session(&self, mut request: ForkSessionRequest) -> Result<Session, Error> {
+        ensure_request_id(&mut request.request_id);
+        self.call(request, |request| async { self.sessions().fork_session(request).await }).await
+    }
+
+    /// Returns a page of experiments.
+    pub async fn list_experiments(
+        &self,
+        request: ListExperimentsRequest,
+    ) -> Result<ListExperimentsResponse, Error> {
+        self.call(request, |request| async { self.sessions().list_experiments(request).await }).await
+    }
+
+    /// Tells the mean and the spread of the groups of an experiment.
+    pub async fn summarize_experiment(
+        &self,
+        request: SummarizeExperimentRequest,
+    ) -> Result<ExperimentSummary, Error> {
+        self.call(request, |request| async { self.sessions().summarize_experiment(request).await }).await
+    }
+
     /// Returns the server's versions, capabilities and limits.
     pub async fn server_info(&self) -> Result<ServerInfo, Error> {
         self.call(GetServerInfoRequest {}, |request| async { self.sessions().get_server_info(request).await })
@@ -115,6 +154,12 @@ impl Client {
         self.call(request, |request| async { self.exploration().report_contact(request).await }).await
     }
 
+    /// Takes a view or a result out of the estimate, as if it had never been reported.
+    pub async fn retract_event(&self, mut request: RetractEventRequest) -> Result<Session, Error> {
+        ensure_request_id(&mut request.request_id);
+        self.call(request, |request| async { self.exploration().retract_event(request).await }).await
+    }
+
     /// Opens the whole loop on one stream.
     pub async fn explore(&self, open: ExploreOpen) -> Result<Exploration, Error> {
         Exploration::open(self.clone(), open).await
@@ -129,6 +174,36 @@ impl Client {
     /// Returns a page of a session's events, oldest first.
     pub async fn list_events(&self, request: ListEventsRequest) -> Result<ListEventsResponse, Error> {
         self.call(request, |request| async { self.reconstruction().list_events(request).await }).await
+    }
+
+    /// Compares the estimate of some revisions with a reference mesh.
+    pub async fn evaluate_session(
+        &self,
+        request: EvaluateSessionRequest,
+    ) -> Result<EvaluateSessionResponse, Error> {
+        self.call(request, |request| async { self.reconstruction().evaluate_session(request).await }).await
+    }
+
+    /// Returns one row per view and attempt of a session.
+    pub async fn get_series(&self, request: GetSeriesRequest) -> Result<GetSeriesResponse, Error> {
+        self.call(request, |request| async { self.reconstruction().get_series(request).await }).await
+    }
+
+    /// Keeps a reference mesh with a session, in place of an earlier one.
+    pub async fn set_reference(&self, request: SetReferenceRequest) -> Result<Reference, Error> {
+        self.call(request, |request| async { self.reconstruction().set_reference(request).await }).await
+    }
+
+    /// Returns the reference mesh of a session.
+    pub async fn get_reference(&self, request: GetReferenceRequest) -> Result<Reference, Error> {
+        self.call(request, |request| async { self.reconstruction().get_reference(request).await }).await
+    }
+
+    /// Forgets the reference mesh of a session.
+    pub async fn delete_reference(&self, session_id: &str) -> Result<(), Error> {
+        let request = DeleteReferenceRequest { session_id: session_id.to_owned() };
+        self.call(request, |request| async { self.reconstruction().delete_reference(request).await }).await?;
+        Ok(())
     }
 
     /// Follows a session: the events after a revision, then each new one.
@@ -174,7 +249,7 @@ impl Client {
         self.retry
     }
 
-    fn sessions(&self) -> SessionServiceClient<Channel> {
+    pub(crate) fn sessions(&self) -> SessionServiceClient<Channel> {
         SessionServiceClient::new(self.channel.clone()).max_decoding_message_size(MAX_REPLY_BYTES)
     }
 

@@ -77,6 +77,7 @@ mod packed;
 mod retry;
 #[cfg(test)]
 mod test_server;
+mod transfer;
 mod watch;
 
 pub use palpate_proto as proto;
@@ -88,4 +89,5 @@ pub use error::{Error, FieldProblem, Refusal};
 pub use explore::Exploration;
 pub use packed::{faces, positions, std_m, uncertainty, visual_prior};
 pub use retry::RetryPolicy;
+pub use transfer::{Download, Replay};
 pub use watch::Watch;

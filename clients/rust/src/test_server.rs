@@ -8,11 +8,13 @@ use std::time::Duration;
 use palpate_proto::v1::exploration_service_server::{ExplorationService, ExplorationServiceServer};
 use palpate_proto::v1::reconstruction_service_server::{ReconstructionService, ReconstructionServiceServer};
 use palpate_proto::v1::{
-    AddVisualPriorRequest, AddVisualPriorResponse, EvaluateSessionRequest, EvaluateSessionResponse, Event,
-    ExploreRequest, ExploreResponse, FieldViolation, GetMeshRequest, ListEventsRequest, ListEventsResponse,
-    Mesh, Problem, ProposeContactsRequest, ProposeContactsResponse, ReplaySessionRequest,
-    ReportContactRequest, ReportContactResponse, RetractEventRequest, Session, WatchSessionRequest,
-    WatchSessionResponse, explore_request, explore_response, watch_session_response,
+    AddVisualPriorRequest, AddVisualPriorResponse, DeleteReferenceRequest, DeleteReferenceResponse,
+    EvaluateSessionRequest, EvaluateSessionResponse, Event, ExploreRequest, ExploreResponse, FieldViolation,
+    GetMeshRequest, GetReferenceRequest, GetSeriesRequest, GetSeriesResponse, ListEventsRequest,
+    ListEventsResponse, Mesh, Problem, ProposeContactsRequest, ProposeContactsResponse, Reference,
+    ReplaySessionRequest, ReportContactRequest, ReportContactResponse, RetractEventRequest, Session,
+    SetReferenceRequest, WatchSessionRequest, WatchSessionResponse, explore_request, explore_response,
+    watch_session_response,
 };
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::Notify;
@@ -293,6 +295,25 @@ impl ReconstructionService for Service {
         &self,
         _: Request<EvaluateSessionRequest>,
     ) -> Result<Response<EvaluateSessionResponse>, Status> {
+        not_scripted()
+    }
+
+    async fn get_series(&self, _: Request<GetSeriesRequest>) -> Result<Response<GetSeriesResponse>, Status> {
+        not_scripted()
+    }
+
+    async fn set_reference(&self, _: Request<SetReferenceRequest>) -> Result<Response<Reference>, Status> {
+        not_scripted()
+    }
+
+    async fn get_reference(&self, _: Request<GetReferenceRequest>) -> Result<Response<Reference>, Status> {
+        not_scripted()
+    }
+
+    async fn delete_reference(
+        &self,
+        _: Request<DeleteReferenceRequest>,
+    ) -> Result<Response<DeleteReferenceResponse>, Status> {
         not_scripted()
     }
 }

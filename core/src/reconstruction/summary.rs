@@ -33,6 +33,10 @@ pub struct Stats {
     pub fit_rms_m: f64,
     /// The template's family; empty before the first visual prior.
     pub template: &'static str,
+    /// Mean stated standard deviation of the surface over the vertices, in metres; nothing where it is not stated.
+    pub mean_std_m: Option<f64>,
+    /// The greatest of them, in metres.
+    pub max_std_m: Option<f64>,
 }
 
 /// Why a session should stop.
@@ -58,6 +62,7 @@ impl Reconstruction {
         let tallies = &self.ledger().tallies;
         let estimate = self.last_estimate();
         let uncertainty = estimate.map_or(&[1.0][..], |estimate| &estimate.surface.uncertainty);
+        let deviations = estimate.and_then(|estimate| estimate.surface.std_m.as_deref());
         Stats {
             visual_points: tallies.visual_points,
             contacts: tallies.contacts,
@@ -72,6 +77,8 @@ impl Reconstruction {
             max_uncertainty: uncertainty.iter().copied().fold(0.0, f64::max),
             fit_rms_m: estimate.map_or(0.0, Estimate::residual_m),
             template: estimate.map_or("", |estimate| estimate.template_family()),
+            mean_std_m: deviations.map(|stds| stds.iter().sum::<f64>() / stds.len() as f64),
+            max_std_m: deviations.map(|stds| stds.iter().copied().fold(0.0, f64::max)),
         }
     }
 

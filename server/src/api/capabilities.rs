@@ -5,8 +5,8 @@ use palpate_proto::v1;
 use crate::wire::from_proto;
 
 /// What no enum of the contract names.
-const FEATURES: [&str; 8] =
-    ["keep_out", "support", "symmetry", "explore", "watch", "lease", "pads", "contacts"];
+const FEATURES: [&str; 9] =
+    ["keep_out", "support", "symmetry", "explore", "watch", "lease", "pads", "contacts", "import"];
 
 /// The capabilities that `ServerInfo` lists, such as `method:paper`.
 pub(super) fn capabilities() -> Vec<String> {
@@ -15,8 +15,10 @@ pub(super) fn capabilities() -> Vec<String> {
     let strategies = values().map(|value: v1::Strategy| named("strategy", "STRATEGY_", value.as_str_name()));
     let symmetries = values().map(|value: v1::Symmetry| named("symmetry", "SYMMETRY_", value.as_str_name()));
     let points = encodings.map(|value| named("points", "POINT_ENCODING_", value.as_str_name()));
+    let exports =
+        values().map(|value: v1::ArchiveFormat| named("export", "ARCHIVE_FORMAT_", value.as_str_name()));
     let features = FEATURES.map(str::to_owned);
-    methods.chain(strategies).chain(symmetries).chain(points).chain(features).collect()
+    methods.chain(strategies).chain(symmetries).chain(points).chain(exports).chain(features).collect()
 }
 
 /// All values of an enum but the unspecified one, whose number is 0.
@@ -47,6 +49,9 @@ mod tests {
             "points:packed",
             "points:depth_u16",
             "points:depth_png",
+            "export:bundle",
+            "export:mcap",
+            "export:csv",
             "watch",
         ] {
             assert!(capabilities.iter().any(|name| name == expected), "{expected}");

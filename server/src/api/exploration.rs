@@ -8,12 +8,12 @@ use palpate_proto::v1;
 use palpate_proto::v1::event::Kind;
 use tokio::time::Instant;
 
-use super::{Api, Call, appended, request_key, stored};
+use super::{Api, Call, computed, request_key, stored};
 use crate::compute::Queue;
 use crate::error::{Error, FieldViolation};
 use crate::limits::Limits;
-use crate::session::{AddedView, Question, Snapshot, now_us};
-use crate::sessions::{Change, Decision, RequestKey, StoredEvent};
+use crate::session::{AddedView, Question, SessionState, Snapshot, now_us};
+use crate::sessions::{Change, Computed, Decision, RequestKey};
 use crate::wire::{event, from_proto, to_proto};
 
 /// Where a caller wrote the parts of a request: the unary calls and the stream differ in that.
@@ -93,7 +93,11 @@ impl Api {
         let wanted =
             from_proto::exploration_request(names.propose, propose, names.robot, robot, &self.limits)?;
         let event = event::encode(Kind::VisualPrior(prior.clone()));
-        let compute = move |before: &Snapshot| absorb_prior(before, &prior, &event, names.prior, &wanted);
+        let compute = move |before: &Snapshot| {
+            let at_us = before.next_event_us();
+            let computed = absorb_prior(before, &prior, names.prior, &wanted, at_us)?;
+            Ok(Decision::Append(event.clone(), computed))
+        };
         let actor = actor.to_owned();
         let change =
             Change { session_id, request: key, expected_revision, actor, compute: Arc::new(compute) };
@@ -119,6 +123,10 @@ impl Api {
             return self.lease(session_id, question, duration, key, actor, deadline).await;
         }
         let snapshot = self.sessions.newest(&session_id, deadline).await?;
+        if snapshot.state == SessionState::Finished {
+            // Whoever asks is about to move, and could not report what came of it.
+            return Err(Error::SessionFinished { session_id });
+        }
         if snapshot.reconstruction.last_estimate().is_none() {
             return Err(Error::NoVisualPrior);
         }
@@ -146,7 +154,11 @@ impl Api {
         )?;
         let event = event::encode(Kind::ContactResult(result.clone()));
         let limits = self.limits.clone();
-        let compute = move |before: &Snapshot| absorb_result(before, &result, &event, &wanted, &limits);
+        let compute = move |before: &Snapshot| {
+            let at_us = before.next_event_us();
+            let computed = absorb_result(before, &result, &wanted, at_us, &limits)?;
+            Ok(Decision::Append(event.clone(), computed))
+        };
         let actor = actor.to_owned();
         let change =
             Change { session_id, request: key, expected_revision, actor, compute: Arc::new(compute) };
@@ -156,16 +168,17 @@ impl Api {
     }
 }
 
-fn absorb_prior(
+/// The session after a view that was accepted at `at_us`, with the reply.
+pub(super) fn absorb_prior(
     before: &Snapshot,
     prior: &v1::VisualPrior,
-    event: &StoredEvent,
     path: &str,
     wanted: &Question,
-) -> Result<Decision<Snapshot>, Error> {
+    at_us: i64,
+) -> Result<Computed<Snapshot>, Error> {
     let from_proto::Prior { evidence, finite, non_finite, repeated, flying, voxel_m, mut warnings } =
         from_proto::sent_prior(path, prior)?;
-    let added = before.add_view(&evidence, prior.keep_clutter, before.next_event_us());
+    let added = before.add_view(&evidence, prior.keep_clutter, at_us);
     let (after, AddedView { update, accepted, edge_m, clutter }) =
         added.map_err(|error| refused(path, error))?;
     let plausible = &before.definition.plausible_size;
@@ -192,23 +205,25 @@ fn absorb_prior(
         // The caller's own voxels count where they are the larger ones.
         voxel_m: edge_m.unwrap_or(0.0).max(voxel_m.unwrap_or(0.0)),
         non_finite_points: count(non_finite),
+        shadow_choices: to_proto::shadow_choices(&after),
     };
-    Ok(appended(event.clone(), after, &reply))
+    Ok(computed(after, &reply))
 }
 
-fn absorb_result(
+/// The session after a result that was accepted at `at_us`, with the reply.
+pub(super) fn absorb_result(
     before: &Snapshot,
     result: &v1::ContactResult,
-    event: &StoredEvent,
     wanted: &Question,
+    at_us: i64,
     limits: &Limits,
-) -> Result<Decision<Snapshot>, Error> {
+) -> Result<Computed<Snapshot>, Error> {
     if before.stats.attempts >= limits.contacts {
         return Err(Error::SessionFull { limit: limits.contacts });
     }
     let from_proto::Reported { evidence, mut warnings } =
         from_proto::sent_report(result, &before.definition, before.revision, limits)?;
-    let absorbed = before.absorb(evidence, &result.candidate_id, before.next_event_us());
+    let absorbed = before.absorb(evidence, &result.candidate_id, at_us);
     let (after, update) = absorbed.map_err(|error| refused("result", error))?;
     warnings.extend(update.warnings);
     let (touched, how_touched) = after.reconstruction.latest_touches();
@@ -224,8 +239,9 @@ fn absorb_result(
         touched_points: touched.iter().map(to_proto::point).collect(),
         touched_point: to_proto::touched_point(how_touched, touched.is_empty()).into(),
         should_stop: to_proto::stop_reason(after.should_stop).into(),
+        shadow_choices: to_proto::shadow_choices(&after),
     };
-    Ok(appended(event.clone(), after, &reply))
+    Ok(computed(after, &reply))
 }
 
 fn next_candidates(after: &Snapshot, wanted: &Question) -> Vec<v1::Candidate> {

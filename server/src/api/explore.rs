@@ -195,7 +195,11 @@ impl ExploreStream {
                 Kind::VisualPrior(_) => missed.push(ReplyMessage::Prior(stored(&row.reply)?)),
                 Kind::ContactResult(_) => missed.push(ReplyMessage::Accepted(stored(&row.reply)?)),
                 Kind::Lease(_) => missed.push(ReplyMessage::Candidates(stored(&row.reply)?)),
-                Kind::Created(_) | Kind::RetractedSeq(_) | Kind::Finished(_) => {}
+                Kind::Created(_)
+                | Kind::Forked(_)
+                | Kind::RetractedSeq(_)
+                | Kind::Updated(_)
+                | Kind::Finished(_) => {}
             }
         }
         Ok((missed, rows.last().map(|row| row.seq)))

@@ -11,14 +11,14 @@ use super::made_mesh::{Key, MadeMesh};
 use super::{Api, Call};
 use crate::compute::Queue;
 use crate::error::Error;
-use crate::mesh_format::{FileFormat, RawArrays, raw, write_file};
-use crate::session::{Snapshot, hex};
+use crate::mesh_format::{Colormap, FileFormat, RawArrays, Remark, raw, write_file};
+use crate::session::{Definition, Snapshot, hex};
 use crate::sessions::Aggregate;
 use crate::wire::to_proto;
 
 /// The formats that a mesh can be had in.
-pub(super) const FORMATS: [v1::MeshFormat; 4] =
-    [v1::MeshFormat::Raw, v1::MeshFormat::Ply, v1::MeshFormat::Obj, v1::MeshFormat::Stl];
+pub(super) const FORMATS: [v1::MeshFormat; 5] =
+    [v1::MeshFormat::Raw, v1::MeshFormat::Ply, v1::MeshFormat::Obj, v1::MeshFormat::Stl, v1::MeshFormat::Glb];
 
 /// A digest is cut to this many bytes in an etag: enough that no two contents ever share one.
 const ETAG_BYTES: usize = 12;
@@ -38,8 +38,9 @@ impl Api {
     pub(crate) async fn get_mesh(&self, request: v1::GetMeshRequest, call: Call) -> Result<v1::Mesh, Error> {
         let session_id = request.session_id.clone();
         self.run_on_session("GetMesh", &session_id, &call, async |deadline| {
-            let v1::GetMeshRequest { session_id, revision, format, if_none_match, have_topology } = request;
-            let form = form(format)?;
+            let v1::GetMeshRequest { session_id, revision, format, if_none_match, have_topology, colormap } =
+                request;
+            let form = form(format, colormap)?;
             let newest = self.sessions.at_revision(&session_id, 0, Queue::READERS, deadline).await?;
             let is_newest = revision == 0 || revision == newest.revision;
             let known = if_none_match.trim_matches('"');
@@ -110,17 +111,25 @@ fn not_modified(revision: i64, etag: &str) -> v1::Mesh {
     v1::Mesh { revision, etag: etag.to_owned(), not_modified: true, ..v1::Mesh::default() }
 }
 
-fn form(format: i32) -> Result<Form, Error> {
-    match v1::MeshFormat::try_from(format) {
-        Ok(v1::MeshFormat::Unspecified | v1::MeshFormat::Raw) => Ok(Form::Raw),
-        Ok(v1::MeshFormat::Ply) => Ok(Form::File(FileFormat::Ply)),
-        Ok(v1::MeshFormat::Obj) => Ok(Form::File(FileFormat::Obj)),
-        Ok(v1::MeshFormat::Stl) => Ok(Form::File(FileFormat::Stl)),
-        Ok(v1::MeshFormat::Glb) => {
-            Err(Error::unimplemented("format MESH_FORMAT_GLB (RAW, PLY, OBJ and STL are)"))
+fn form(format: i32, colormap: i32) -> Result<Form, Error> {
+    let unknown = |field: &str, number: i32| Error::field(field, format!("{number} is no {field}"));
+    let wanted = v1::Colormap::try_from(colormap).map_err(|_| unknown("colormap", colormap))?;
+    let form = match v1::MeshFormat::try_from(format).map_err(|_| unknown("format", format))? {
+        v1::MeshFormat::Unspecified | v1::MeshFormat::Raw => Form::Raw,
+        v1::MeshFormat::Ply => Form::File(FileFormat::Ply),
+        v1::MeshFormat::Obj => Form::File(FileFormat::Obj),
+        v1::MeshFormat::Stl => Form::File(FileFormat::Stl),
+        v1::MeshFormat::Glb => {
+            return Ok(Form::File(FileFormat::Glb(match wanted {
+                v1::Colormap::Unspecified | v1::Colormap::Paper => Colormap::Paper,
+                v1::Colormap::Cividis => Colormap::Cividis,
+            })));
         }
-        Err(_) => Err(Error::field("format", format!("{format} is no format"))),
+    };
+    if wanted != v1::Colormap::Unspecified {
+        return Err(Error::field("colormap", "is for GLB: leave it out, or ask for that format"));
     }
+    Ok(form)
 }
 
 fn etag(snapshot: &Snapshot, form: Form) -> String {
@@ -129,6 +138,8 @@ fn etag(snapshot: &Snapshot, form: Form) -> String {
         Form::File(FileFormat::Ply) => "ply",
         Form::File(FileFormat::Obj) => "obj",
         Form::File(FileFormat::Stl) => "stl",
+        Form::File(FileFormat::Glb(Colormap::Paper)) => "glb-paper",
+        Form::File(FileFormat::Glb(Colormap::Cividis)) => "glb-cividis",
     };
     // Files note the revision, so equal states of two revisions are still different bytes.
     format!("{}-{}-{suffix}", snapshot.revision, hex(&snapshot.digest[..ETAG_BYTES]))
@@ -136,10 +147,12 @@ fn etag(snapshot: &Snapshot, form: Form) -> String {
 
 fn mesh(snapshot: &Snapshot, form: Form) -> Result<v1::Mesh, Error> {
     let surface = snapshot.reconstruction.surface().ok_or(Error::NoVisualPrior)?;
+    let Definition { session_id, frame_id, .. } = &*snapshot.definition;
+    let remark = Remark { session_id, frame_id, revision: snapshot.revision };
     let (content_type, body) = match form {
         Form::Raw => (String::new(), v1::mesh::Body::Raw(raw_mesh(&surface))),
         Form::File(format) => {
-            let file = write_file(format, &surface, snapshot.revision);
+            let file = write_file(format, &surface, &remark);
             (format.content_type().to_owned(), v1::mesh::Body::File(file.into()))
         }
     };

@@ -47,6 +47,7 @@ impl Api {
         let store = &self.sessions.store;
         let (session_id, created_us, head) = (&session.session_id, session.created_us, session.head);
         let not_found = || Error::SessionNotFound { session_id: session_id.clone() };
+        let retractions = self.sessions.retractions(session_id, head).await?;
         let (mut events, mut last, mut bytes) = (Vec::new(), after, 0);
         while events.len() < count as usize && last < head && bytes < self.limits.message_bytes {
             let chunk = i64::from(CHUNK.min(count - events.len() as u32)).min(head - last);
@@ -72,9 +73,8 @@ impl Api {
                 }
                 bytes += size;
                 last = row.seq;
-                events.push(
-                    event::decode(row, include_points).map_err(|error| Error::internal(error.to_string()))?,
-                );
+                let event = event::decode(row, include_points, retractions.of(last));
+                events.push(event.map_err(|error| Error::internal(error.to_string()))?);
             }
         }
         let next_page_token = if last < head { last.to_string() } else { String::new() };

@@ -80,7 +80,7 @@ impl Api {
     }
 
     /// A session as its row says, where that can be trusted; otherwise as its log says.
-    async fn session_of(&self, row: &SessionRow, deadline: Instant) -> Result<v1::Session, Error> {
+    pub(super) async fn session_of(&self, row: &SessionRow, deadline: Instant) -> Result<v1::Session, Error> {
         if let Some(summary) = self.sessions.trusted_summary(row).await?
             && let Ok(session) = stored(summary)
         {

@@ -20,7 +20,7 @@ use crate::compute::Queue;
 use crate::error::Error;
 use crate::limits::Limits;
 use crate::session::Snapshot;
-use crate::sessions::FoldError;
+use crate::sessions::{FoldError, Retractions};
 use crate::store::Event;
 use crate::wire::{event, to_proto};
 
@@ -167,12 +167,14 @@ impl Watcher {
             if unsent <= 0 {
                 return Ok(Ok(()));
             }
+            let newest = self.sent + unsent;
             let rows = store.events_within(&self.session_id, self.sent, PAGE.min(unsent), read_bytes).await?;
             if rows.is_empty() {
                 return Ok(Ok(()));
             }
+            let retractions = self.api.sessions.retractions(&self.session_id, newest).await?;
             for row in rows {
-                if self.send_event(row, snapshots).await?.is_err() {
+                if self.send_event(row, &retractions, snapshots).await?.is_err() {
                     return Ok(Err(Gone));
                 }
             }
@@ -182,6 +184,7 @@ impl Watcher {
     async fn send_event(
         &mut self,
         row: Event,
+        retractions: &Retractions,
         snapshots: &watch::Receiver<Arc<Snapshot>>,
     ) -> Result<Result<(), Gone>, Error> {
         let unreadable = |error: FoldError| Error::internal(error.to_string());
@@ -191,7 +194,7 @@ impl Watcher {
             Some(session) => session,
             None => to_proto::session(&*self.at_revision(seq).await?),
         };
-        let event = event::decode(row, false).map_err(unreadable)?;
+        let event = event::decode(row, false, retractions.of(seq)).map_err(unreadable)?;
         if self.send(Update::Event(event), Some(session.clone()), candidates, None).await.is_err() {
             return Ok(Err(Gone));
         }
@@ -258,7 +261,7 @@ impl Watcher {
 }
 
 /// Waits a little where there was no room or no time: a watch does not end because others keep the server busy.
-async fn try_again(after: Error) -> Result<(), Error> {
+pub(super) async fn try_again(after: Error) -> Result<(), Error> {
     match after {
         Error::QueueFull { .. } | Error::DeadlineExceeded => {
             tokio::time::sleep(AGAIN_AFTER).await;

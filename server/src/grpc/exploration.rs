@@ -5,7 +5,7 @@ use palpate_proto::v1::exploration_service_server::ExplorationService;
 use tokio_stream::StreamExt;
 use tonic::{Request, Response, Status, Streaming};
 
-use super::{Handlers, Replies, call, replies, reply, status, unavailable};
+use super::{Handlers, Replies, call, replies, reply, status};
 
 #[tonic::async_trait]
 impl ExplorationService for Handlers {
@@ -35,9 +35,10 @@ impl ExplorationService for Handlers {
 
     async fn retract_event(
         &self,
-        _request: Request<v1::RetractEventRequest>,
+        request: Request<v1::RetractEventRequest>,
     ) -> Result<Response<v1::Session>, Status> {
-        Err(unavailable("RetractEvent"))
+        let call = call(&request);
+        reply(self.api.retract_event(request.into_inner(), call).await)
     }
 
     type ExploreStream = Replies<v1::ExploreResponse>;

@@ -5,7 +5,7 @@ use palpate_proto::v1::reconstruction_service_server::ReconstructionService;
 use tokio_stream::StreamExt;
 use tonic::{Request, Response, Status};
 
-use super::{Handlers, Replies, call, replies, reply, unavailable};
+use super::{Handlers, Replies, call, replies, reply};
 
 #[tonic::async_trait]
 impl ReconstructionService for Handlers {
@@ -37,15 +37,49 @@ impl ReconstructionService for Handlers {
 
     async fn replay_session(
         &self,
-        _request: Request<v1::ReplaySessionRequest>,
+        request: Request<v1::ReplaySessionRequest>,
     ) -> Result<Response<Self::ReplaySessionStream>, Status> {
-        Err(unavailable("ReplaySession"))
+        let call = call(&request);
+        replies(self.api.replay_session(request.into_inner(), call).await)
     }
 
     async fn evaluate_session(
         &self,
-        _request: Request<v1::EvaluateSessionRequest>,
+        request: Request<v1::EvaluateSessionRequest>,
     ) -> Result<Response<v1::EvaluateSessionResponse>, Status> {
-        Err(unavailable("EvaluateSession"))
+        let call = call(&request);
+        reply(self.api.evaluate_session(request.into_inner(), call).await)
+    }
+
+    async fn get_series(
+        &self,
+        request: Request<v1::GetSeriesRequest>,
+    ) -> Result<Response<v1::GetSeriesResponse>, Status> {
+        let call = call(&request);
+        reply(self.api.get_series(request.into_inner(), call).await)
+    }
+
+    async fn set_reference(
+        &self,
+        request: Request<v1::SetReferenceRequest>,
+    ) -> Result<Response<v1::Reference>, Status> {
+        let call = call(&request);
+        reply(self.api.set_reference(request.into_inner(), call).await)
+    }
+
+    async fn get_reference(
+        &self,
+        request: Request<v1::GetReferenceRequest>,
+    ) -> Result<Response<v1::Reference>, Status> {
+        let call = call(&request);
+        reply(self.api.get_reference(request.into_inner(), call).await)
+    }
+
+    async fn delete_reference(
+        &self,
+        request: Request<v1::DeleteReferenceRequest>,
+    ) -> Result<Response<v1::DeleteReferenceResponse>, Status> {
+        let call = call(&request);
+        reply(self.api.delete_reference(request.into_inner(), call).await)
     }
 }

@@ -2,9 +2,10 @@
 
 use palpate_proto::v1;
 use palpate_proto::v1::session_service_server::SessionService;
+use tokio_stream::StreamExt;
 use tonic::{Request, Response, Status, Streaming};
 
-use super::{Handlers, Replies, call, reply, unavailable};
+use super::{Handlers, Replies, call, replies, reply, status};
 
 #[tonic::async_trait]
 impl SessionService for Handlers {
@@ -34,16 +35,18 @@ impl SessionService for Handlers {
 
     async fn update_session(
         &self,
-        _request: Request<v1::UpdateSessionRequest>,
+        request: Request<v1::UpdateSessionRequest>,
     ) -> Result<Response<v1::Session>, Status> {
-        Err(unavailable("UpdateSession"))
+        let call = call(&request);
+        reply(self.api.update_session(request.into_inner(), call).await)
     }
 
     async fn finish_session(
         &self,
-        _request: Request<v1::FinishSessionRequest>,
+        request: Request<v1::FinishSessionRequest>,
     ) -> Result<Response<v1::Session>, Status> {
-        Err(unavailable("FinishSession"))
+        let call = call(&request);
+        reply(self.api.finish_session(request.into_inner(), call).await)
     }
 
     async fn delete_session(
@@ -56,25 +59,48 @@ impl SessionService for Handlers {
 
     async fn fork_session(
         &self,
-        _request: Request<v1::ForkSessionRequest>,
+        request: Request<v1::ForkSessionRequest>,
     ) -> Result<Response<v1::Session>, Status> {
-        Err(unavailable("ForkSession"))
+        let call = call(&request);
+        reply(self.api.fork_session(request.into_inner(), call).await)
     }
 
     type ExportSessionStream = Replies<v1::Chunk>;
 
     async fn export_session(
         &self,
-        _request: Request<v1::ExportSessionRequest>,
+        request: Request<v1::ExportSessionRequest>,
     ) -> Result<Response<Self::ExportSessionStream>, Status> {
-        Err(unavailable("ExportSession"))
+        let call = call(&request);
+        replies(self.api.export_session(request.into_inner(), call).await.map(|export| export.chunks))
     }
 
     async fn import_session(
         &self,
-        _request: Request<Streaming<v1::ImportSessionRequest>>,
+        request: Request<Streaming<v1::ImportSessionRequest>>,
     ) -> Result<Response<v1::Session>, Status> {
-        Err(unavailable("ImportSession"))
+        let call = call(&request);
+        let limit = self.api.limits().message_bytes;
+        let parts = request
+            .into_inner()
+            .map(move |part| part.map_err(|failure| status::reading_error(&failure, limit)));
+        reply(self.api.import_session(parts, call).await)
+    }
+
+    async fn list_experiments(
+        &self,
+        request: Request<v1::ListExperimentsRequest>,
+    ) -> Result<Response<v1::ListExperimentsResponse>, Status> {
+        let call = call(&request);
+        reply(self.api.list_experiments(request.into_inner(), call).await)
+    }
+
+    async fn summarize_experiment(
+        &self,
+        request: Request<v1::SummarizeExperimentRequest>,
+    ) -> Result<Response<v1::ExperimentSummary>, Status> {
+        let call = call(&request);
+        reply(self.api.summarize_experiment(request.into_inner(), call).await)
     }
 
     async fn get_server_info(

@@ -42,10 +42,11 @@ fn add_subject(details: &mut ErrorDetails, error: &Error) {
         | Error::SessionExists { session_id } => {
             details.set_resource_info("session", session_id, "", text);
         }
-        Error::SessionQuarantined { session_id, sound: _, reason: _ } => {
+        Error::SessionQuarantined { session_id, sound: _, reason: _ }
+        | Error::SessionFinished { session_id } => {
             details.add_precondition_failure_violation(error.reason(), session_id, text);
         }
-        Error::NoVisualPrior | Error::SessionFull { .. } => {
+        Error::NoVisualPrior | Error::NoReference | Error::EtagMissing | Error::SessionFull { .. } => {
             details.add_precondition_failure_violation(error.reason(), "session", text);
         }
         Error::RevisionMismatch { expected, actual } => {
@@ -66,7 +67,6 @@ fn add_subject(details: &mut ErrorDetails, error: &Error) {
         Error::RequestIdReused { request_id } => {
             set_info(details, error, [("request_id", request_id.clone())]);
         }
-        Error::Unimplemented { what } => set_info(details, error, [("what", what.clone())]),
         Error::HeaderTooLarge { bytes, limit } => {
             set_info(details, error, [("bytes", bytes.to_string()), ("limit", limit.to_string())]);
         }

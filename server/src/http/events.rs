@@ -49,7 +49,8 @@ pub(super) struct EventsParams {
 /// With `Accept: text/event-stream` the answer is a stream: first the events after a known revision, then each new
 /// one as it is accepted.
 /// The id of an event is its revision, so a browser that reconnects goes on where it stopped.
-/// Event names are `created`, `visual_prior`, `contact_result`, `retracted`, `finished`, `mesh` and `problem`.
+/// Event names are `created`, `forked`, `visual_prior`, `contact_result`, `lease`, `retracted`, `updated`, `finished`,
+/// `mesh` and `problem`.
 #[utoipa::path(
     get, path = "/v1/sessions/{session_id}/events", tag = "reconstruction", operation_id = "list_or_watch_events",
     params(
@@ -154,6 +155,8 @@ fn event_name(event: &v1::Event) -> &'static str {
         Some(Kind::RetractedSeq(_)) => "retracted",
         Some(Kind::Finished(_)) => "finished",
         Some(Kind::Lease(_)) => "lease",
+        Some(Kind::Forked(_)) => "forked",
+        Some(Kind::Updated(_)) => "updated",
         None => "unknown",
     }
 }

@@ -4,6 +4,8 @@
 
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use serde_json::{Value, json};
 
 /// The session that the examples are about.
@@ -47,9 +49,17 @@ pub(super) fn body(operation_id: &str) -> Option<Value> {
             "propose": 1,
             "request_id": "touch-1",
         })),
+        // Eight triangles in place of the ball: more of them are a better truth.
+        "evaluate_session" => {
+            Some(json!({ "revisions": [2, 0], "reference_mesh": STANDARD.encode(OCTAHEDRON) }))
+        }
         _ => None,
     }
 }
+
+/// The corners of the ball, as an OBJ file.
+const OCTAHEDRON: &str = "v 0.54 0 0.1\nv 0.46 0 0.1\nv 0.5 0.04 0.1\nv 0.5 -0.04 0.1\nv 0.5 0 0.14\nv 0.5 0 0.06\n\
+                          f 1 3 5\nf 3 2 5\nf 2 4 5\nf 4 1 5\nf 3 1 6\nf 2 3 6\nf 4 2 6\nf 1 4 6\n";
 
 /// The top of a ball of 40 mm radius about (0.5, 0, 0.1), in tenths of a millimetre.
 fn cap() -> Vec<[f64; 3]> {

@@ -1,5 +1,7 @@
 //! What handlers take out of a request beside a message: bounded bodies, parameters, guarding headers.
 
+use std::collections::BTreeMap;
+
 use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, FromRequest, FromRequestParts, Query, Request};
 use http::header::{ACCEPT_ENCODING, CONTENT_ENCODING, CONTENT_TYPE, IF_MATCH};
@@ -69,7 +71,12 @@ pub(super) async fn json_body<T: Send + 'static>(
     json::parsed(bytes, limits, read).await
 }
 
-/// The whole body as a file.
+/// The whole body as a file with a mesh.
+pub(super) async fn mesh_body(request: Request, limits: &Limits) -> Result<Bytes, Problem> {
+    body(request, limits.message_bytes, "the body", "make the mesh coarser, or send it in binary").await
+}
+
+/// The whole body as a file with a cloud.
 pub(super) async fn file_body(request: Request, limits: &Limits) -> Result<Bytes, Problem> {
     body(request, limits.message_bytes, "the body", "thin the cloud and send fewer points").await
 }
@@ -93,7 +100,7 @@ async fn body(
 
 /// Refuses a body that is still encoded: the layer around the routes has decoded what it knows, and said so by taking
 /// the header away.
-fn require_decoded(headers: &HeaderMap) -> Result<(), Problem> {
+pub(super) fn require_decoded(headers: &HeaderMap) -> Result<(), Problem> {
     let identity = HeaderValue::from_static("identity");
     let Some(encoding) = headers.get_all(CONTENT_ENCODING).iter().find(|&encoding| encoding != identity)
     else {
@@ -135,6 +142,17 @@ pub(super) fn if_match(headers: &HeaderMap) -> String {
         None | Some("*") => String::new(),
         Some(tag) => tag.trim_matches('"').to_owned(),
     }
+}
+
+/// Labels as the query has them.
+///
+/// # Errors
+/// One of them is no pair.
+pub(super) fn parse_labels(text: &str) -> Result<BTreeMap<String, String>, Error> {
+    let pair = |pair: &str| pair.split_once(':').map(|(key, value)| (key.to_owned(), value.to_owned()));
+    text.split(',').map(pair).collect::<Option<_>>().ok_or_else(|| {
+        Error::field("labels", format!("{} is not of the form key:value,key:value", quoted(text)))
+    })
 }
 
 /// A header's value, where it is there and is text.
@@ -191,6 +209,14 @@ mod tests {
         assert!(require_json(&headers).is_err());
         headers.insert(CONTENT_TYPE, HeaderValue::from_static("Application/JSON; charset=utf-8"));
         assert!(require_json(&headers).is_ok());
+    }
+
+    #[test]
+    fn labels_are_pairs_and_a_value_may_hold_a_colon() {
+        let labels = parse_labels("object:bottle,time:12:30").unwrap();
+        assert_eq!(labels["object"], "bottle");
+        assert_eq!(labels["time"], "12:30");
+        assert!(parse_labels("object").is_err());
     }
 
     #[test]

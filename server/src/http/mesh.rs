@@ -10,14 +10,16 @@ use serde::{Deserialize, Serialize};
 use super::extract::{Params, text};
 use super::problem::Problem;
 use super::{negotiation, tagged};
-use crate::api::{Api, Call};
+use crate::api::{Api, Call, file_name};
 use crate::error::Error;
+use crate::text::quoted;
 
 /// What `Accept` may ask for, the first being the default; `application/json` means arrays.
-const OFFERS: [(&str, v1::MeshFormat); 4] = [
+const OFFERS: [(&str, v1::MeshFormat); 5] = [
     ("model/ply", v1::MeshFormat::Ply),
     ("model/obj", v1::MeshFormat::Obj),
     ("model/stl", v1::MeshFormat::Stl),
+    ("model/gltf-binary", v1::MeshFormat::Glb),
     ("application/json", v1::MeshFormat::Raw),
 ];
 
@@ -26,10 +28,12 @@ const OFFERS: [(&str, v1::MeshFormat); 4] = [
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(super) struct MeshParams {
-    /// `ply` (with the uncertainty of each vertex), `obj`, `stl` or `json`; the `Accept` header works too.
+    /// `ply` and `glb` (with the uncertainty of each vertex), `obj`, `stl` or `json`; the `Accept` header works too.
     format: Option<String>,
     /// Which revision; without it the newest. What a fixed revision answers never changes.
     revision: Option<i64>,
+    /// For `glb`: `paper` (green, yellow, red; without it) or `cividis`.
+    colormap: Option<String>,
 }
 
 /// The surface as arrays of numbers.
@@ -63,11 +67,13 @@ pub(super) struct MeshArrays {
                 (MeshArrays = "application/json"),
                 (ref("#/components/schemas/File") = "model/ply"),
                 (ref("#/components/schemas/File") = "model/stl"),
+                (ref("#/components/schemas/File") = "model/gltf-binary"),
                 (String = "model/obj"),
             ),
             headers(
                 ("ETag", description = "Names this content"),
                 ("Cache-Control", description = "A year for a fixed revision"),
+                ("Content-Disposition", description = "A name for the file"),
             ),
         ),
         (status = 304, description = "It is still what `If-None-Match` names"),
@@ -79,7 +85,8 @@ pub(super) async fn get(
     Params(params): Params<MeshParams>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let MeshParams { format, revision } = params;
+    let MeshParams { format, revision, colormap } = params;
+    let colormap = colormap.as_deref().map(parse_colormap).transpose()?.unwrap_or_default();
     let format = match format {
         Some(name) => parse_format(&name)?,
         None => negotiation::choose(&headers, &OFFERS).ok_or_else(not_acceptable)?,
@@ -91,6 +98,7 @@ pub(super) async fn get(
         format: format.into(),
         if_none_match: text(&headers, &IF_NONE_MATCH).unwrap_or_default().to_owned(),
         have_topology: String::new(),
+        colormap: colormap.into(),
     };
     let mesh = api.get_mesh(request, Call::default()).await?;
     let cache = if revision == 0 { "no-cache" } else { "max-age=31536000, immutable" };
@@ -103,8 +111,11 @@ fn body(mesh: v1::Mesh, session_id: &str) -> Result<Response, Error> {
     let v1::Mesh { revision, etag: _, content_type, not_modified, body, doubted: _ } = mesh;
     match body {
         Some(v1::mesh::Body::File(file)) => {
-            let extension = content_type.rsplit('/').next().unwrap_or_default();
-            let name = format!("inline; filename=\"{session_id}-r{revision}.{extension}\"");
+            let extension = match content_type.strip_prefix("model/") {
+                Some("gltf-binary") => "glb",
+                other => other.unwrap_or_default(),
+            };
+            let name = format!("inline; filename=\"{}\"", file_name(session_id, revision, extension));
             Ok(([(CONTENT_TYPE, content_type), (CONTENT_DISPOSITION, name)], file).into_response())
         }
         Some(v1::mesh::Body::Raw(raw)) => Ok(axum::Json(arrays(revision, &raw)).into_response()),
@@ -128,7 +139,15 @@ fn arrays(revision: i64, raw: &v1::RawMesh) -> MeshArrays {
     }
 }
 
-/// The format of a name in the query. That GLB does not exist yet is for the service to say, as over gRPC.
+fn parse_colormap(name: &str) -> Result<v1::Colormap, Error> {
+    match name.to_ascii_lowercase().as_str() {
+        "paper" => Ok(v1::Colormap::Paper),
+        "cividis" => Ok(v1::Colormap::Cividis),
+        _ => Err(Error::field("colormap", format!("{} is none of paper, cividis", quoted(name)))),
+    }
+}
+
+/// The format of a name in the query.
 fn parse_format(name: &str) -> Result<v1::MeshFormat, Error> {
     match name.to_ascii_lowercase().as_str() {
         "ply" => Ok(v1::MeshFormat::Ply),
@@ -136,7 +155,7 @@ fn parse_format(name: &str) -> Result<v1::MeshFormat, Error> {
         "stl" => Ok(v1::MeshFormat::Stl),
         "glb" => Ok(v1::MeshFormat::Glb),
         "json" => Ok(v1::MeshFormat::Raw),
-        _ => Err(Error::field("format", format!("{name:?} is none of ply, obj, stl, json"))),
+        _ => Err(Error::field("format", format!("{} is none of ply, obj, stl, glb, json", quoted(name)))),
     }
 }
 
@@ -150,7 +169,7 @@ fn not_acceptable() -> Problem {
 mod tests {
     use super::*;
     use crate::mesh_format::tests::tetrahedron;
-    use crate::mesh_format::{FileFormat, raw};
+    use crate::mesh_format::{Colormap, FileFormat, raw};
 
     #[test]
     fn json_arrays_are_the_packed_ones_unpacked() {
@@ -172,7 +191,7 @@ mod tests {
 
     #[test]
     fn the_media_types_on_offer_are_those_of_the_files() {
-        let files = [FileFormat::Ply, FileFormat::Obj, FileFormat::Stl];
+        let files = [FileFormat::Ply, FileFormat::Obj, FileFormat::Stl, FileFormat::Glb(Colormap::Paper)];
         for (file, (media_type, _)) in files.into_iter().zip(OFFERS) {
             assert_eq!(file.content_type(), media_type);
         }
@@ -181,6 +200,6 @@ mod tests {
     #[test]
     fn an_unknown_format_is_told_what_there_is() {
         let error = parse_format("step").unwrap_err();
-        assert!(error.to_string().contains("ply, obj, stl, json"));
+        assert!(error.to_string().contains("ply, obj, stl, glb, json"));
     }
 }

@@ -13,9 +13,9 @@ use utoipa::openapi::OpenApi;
 use utoipa_swagger_ui::{Config, SwaggerUi};
 
 use super::problem::{Document, Field, Problem};
-use super::proto_json::CONTRACT;
-use super::{examples, schema, unavailable};
+use super::{examples, schema};
 use crate::error::Error;
+use crate::wire::CONTRACT;
 
 /// Much larger than the page of the documentation.
 const PAGE_BYTES: usize = 1 << 20;
@@ -46,6 +46,7 @@ pub(super) fn introduction() -> OpenApi {
             (name = "sessions", description = "The life of sessions"),
             (name = "exploration", description = "The robot's loop: show a patch, ask where to touch, report"),
             (name = "reconstruction", description = "The surface and the log"),
+            (name = "evaluation", description = "Against the truth: comparisons, series, experiments"),
             (name = "operations", description = "Probes and versions"),
         ),
         components(schemas(Document, Field)),
@@ -64,8 +65,6 @@ pub(super) fn document(paths: OpenApi) -> String {
         document["components"]["schemas"]["File"] =
             json!({ "type": "string", "format": "binary", "description": "The bytes of a file." });
         document["servers"] = json!([{ "url": "/", "description": "This server" }]);
-        let description = document["info"]["description"].as_str().unwrap_or_default();
-        document["info"]["description"] = format!("{description}\n\n{}", unavailable::notice()).into();
         for operation in operations(&mut document) {
             complete(operation);
         }
@@ -205,7 +204,7 @@ mod tests {
             assert!(document.pointer(reference.strip_prefix('#').unwrap()).is_some(), "{reference}");
         }
         let schemas = document["components"]["schemas"].as_object().unwrap();
-        assert!(schemas.contains_key("Candidate") && !schemas.contains_key("ForkSessionRequest"));
+        assert!(schemas.contains_key("Candidate") && !schemas.contains_key("ExploreRequest"));
         for name in schemas.keys() {
             assert!(found.contains(&reference_to(name)), "{name} belongs to no route");
         }
@@ -238,19 +237,33 @@ mod tests {
         operations.sort();
         let expected = [
             "delete /v1/sessions/{session_id}",
+            "delete /v1/sessions/{session_id}/reference",
             "get /",
             "get /healthz",
             "get /livez",
             "get /readyz",
+            "get /v1/experiments",
+            "get /v1/experiments/{experiment}/summary",
             "get /v1/sessions",
             "get /v1/sessions/{session_id}",
             "get /v1/sessions/{session_id}/events",
+            "get /v1/sessions/{session_id}/export",
             "get /v1/sessions/{session_id}/mesh",
+            "get /v1/sessions/{session_id}/reference",
+            "get /v1/sessions/{session_id}/replay",
+            "get /v1/sessions/{session_id}/series",
             "get /version",
+            "patch /v1/sessions/{session_id}",
+            "post /v1/imports",
             "post /v1/sessions",
             "post /v1/sessions/{session_id}/candidates",
             "post /v1/sessions/{session_id}/contacts",
+            "post /v1/sessions/{session_id}/evaluate",
+            "post /v1/sessions/{session_id}/events/{seq}/retract",
+            "post /v1/sessions/{session_id}/finish",
+            "post /v1/sessions/{session_id}/fork",
             "post /v1/sessions/{session_id}/priors",
+            "put /v1/sessions/{session_id}/reference",
         ];
         assert_eq!(operations, expected);
         let body = &document["paths"]["/v1/sessions/{session_id}/priors"]["post"]["requestBody"]["content"];

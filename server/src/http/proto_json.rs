@@ -3,27 +3,21 @@
 //!
 //! Reading is strict: a field that does not exist is an error, because a misspelt one would be ignored in silence.
 
-use std::fmt::Display;
-use std::sync::LazyLock;
-
 use axum::extract::{FromRequest, Request};
 use axum::response::{IntoResponse, Response};
 use http::header::CONTENT_TYPE;
 use prost::{Message, Name};
-use prost_reflect::{DescriptorPool, DynamicMessage, Kind, MessageDescriptor, SerializeOptions};
+use prost_reflect::{DynamicMessage, Kind, MessageDescriptor};
 use serde_json::Value;
 
 use super::extract::{json_body, require_json};
 use super::problem::Problem;
 use crate::api::Api;
 use crate::error::Error;
-use crate::limits::{ECHO_BYTES, ERROR_TEXT_BYTES};
+use crate::limits::ECHO_BYTES;
 use crate::text::cut;
-
-/// The contract's descriptors, with all comments.
-pub(super) static CONTRACT: LazyLock<Result<DescriptorPool, String>> = LazyLock::new(|| {
-    DescriptorPool::decode(palpate_proto::FILE_DESCRIPTOR_SET).map_err(|error| error.to_string())
-});
+pub(super) use crate::wire::json::to_json;
+use crate::wire::json::{broken, descriptor};
 
 /// A message as the JSON body of a request or a response.
 pub(super) struct ProtoJson<T>(pub(super) T);
@@ -47,19 +41,6 @@ impl<T: Message + Name> IntoResponse for ProtoJson<T> {
     }
 }
 
-/// Writes a message. Zeros and empty lists are there for scripts to read; what is unset is left out.
-pub(super) fn to_json<T: Message + Name>(message: &T) -> Result<String, Error> {
-    const OPTIONS: SerializeOptions = SerializeOptions::new()
-        .use_proto_field_name(true)
-        .stringify_64_bit_integers(false)
-        .skip_default_fields(false);
-    let dynamic =
-        DynamicMessage::decode(descriptor::<T>()?, message.encode_to_vec().as_slice()).map_err(broken)?;
-    let mut json = serde_json::Serializer::new(Vec::new());
-    dynamic.serialize_with_options(&mut json, &OPTIONS).map_err(broken)?;
-    String::from_utf8(json.into_inner()).map_err(broken)
-}
-
 /// Reads a message.
 ///
 /// # Errors
@@ -75,20 +56,6 @@ pub(super) fn from_json<T: Message + Name + Default>(json: &Value) -> Result<T, 
         })?
         .transcode_to()
         .map_err(broken)
-}
-
-fn descriptor<T: Name>() -> Result<MessageDescriptor, Error> {
-    let contract = CONTRACT.as_ref().map_err(broken)?;
-    let name = T::full_name();
-    contract.get_message_by_name(&name).ok_or_else(|| broken(format!("{name} is not in the contract")))
-}
-
-/// What only a bug of this server can bring about.
-fn broken(error: impl Display) -> Error {
-    let detail = error.to_string();
-    let detail = cut(&detail, ERROR_TEXT_BYTES);
-    tracing::error!(error = &*detail, "JSON and contract do not fit together");
-    Error::internal(detail)
 }
 
 /// The first field of `json` that the message does not have, with those that it has.

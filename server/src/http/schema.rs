@@ -24,7 +24,7 @@ pub(super) fn schemas(contract: &DescriptorPool) -> Map<String, Value> {
 const NEW_SESSION_ID: &str = "^([a-z0-9][a-z0-9-]{2,62})?$";
 
 /// Messages that are always set in what the server sends, and the fields that it insists on in a request.
-const REQUIRED: [(&str, &[&str]); 16] = [
+const REQUIRED: [(&str, &[&str]); 19] = [
     ("Session", &["config", "stats", "create_time", "update_time"]),
     ("SessionStats", &["last_update"]),
     ("Candidate", &["point", "normal", "probe_start", "probe_end", "tool_pose"]),
@@ -32,6 +32,9 @@ const REQUIRED: [(&str, &[&str]); 16] = [
     ("ProposeContactsResponse", &["excluded"]),
     ("ReportContactResponse", &["session"]),
     ("Event", &["append_time", "stats_after"]),
+    ("SeriesRow", &["append_time", "duration"]),
+    ("Experiment", &["create_time", "last_create_time"]),
+    ("SummaryGroup", &["attempts", "failures", "mean_uncertainty", "mean_std_m", "surface_distance_m"]),
     ("AddVisualPriorRequest", &["prior"]),
     ("VisualPrior", &["points"]),
     ("ReportContactRequest", &["result"]),
@@ -180,7 +183,7 @@ fn comment(file: &prost_types::FileDescriptorProto, path: &[i32]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::http::proto_json::CONTRACT;
+    use crate::wire::CONTRACT;
 
     fn contract() -> Map<String, Value> {
         schemas(CONTRACT.as_ref().unwrap())

@@ -1,7 +1,5 @@
 //! `/v1/sessions`: create, list, read, remove.
 
-use std::collections::BTreeMap;
-
 use axum::extract::{Path, State};
 use axum::response::Response;
 use http::header::LOCATION;
@@ -9,7 +7,7 @@ use http::{HeaderMap, StatusCode};
 use palpate_proto::v1;
 use serde::Deserialize;
 
-use super::extract::{Params, fill_request_id, if_match};
+use super::extract::{Params, fill_request_id, if_match, parse_labels};
 use super::problem::Problem;
 use super::proto_json::ProtoJson;
 use super::tagged;
@@ -133,13 +131,6 @@ pub(super) async fn delete(
     Ok(StatusCode::NO_CONTENT)
 }
 
-fn parse_labels(text: &str) -> Result<BTreeMap<String, String>, Error> {
-    let pair = |pair: &str| pair.split_once(':').map(|(key, value)| (key.to_owned(), value.to_owned()));
-    text.split(',').map(pair).collect::<Option<_>>().ok_or_else(|| {
-        Error::field("labels", format!("{} is not of the form key:value,key:value", quoted(text)))
-    })
-}
-
 fn parse_state(text: &str) -> Result<v1::SessionState, Error> {
     const PREFIX: &str = "SESSION_STATE_";
     let upper = text.to_ascii_uppercase();
@@ -159,13 +150,5 @@ mod tests {
         assert_eq!(parse_state("active").unwrap(), v1::SessionState::Active);
         assert_eq!(parse_state("SESSION_STATE_AWAITING_PRIOR").unwrap(), v1::SessionState::AwaitingPrior);
         assert_eq!(parse_state("sleeping").unwrap_err().fields()[0].field, "state");
-    }
-
-    #[test]
-    fn labels_are_pairs_and_a_value_may_hold_a_colon() {
-        let labels = parse_labels("object:bottle,time:12:30").unwrap();
-        assert_eq!(labels["object"], "bottle");
-        assert_eq!(labels["time"], "12:30");
-        assert!(parse_labels("object").is_err());
     }
 }

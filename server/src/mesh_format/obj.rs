@@ -4,9 +4,11 @@ use std::fmt::Write;
 
 use palpate_core::reconstruction::Surface;
 
+use super::Remark;
+
 /// Writes vertices and triangles; OBJ counts vertices from one.
-pub(super) fn write(surface: &Surface, revision: i64) -> Vec<u8> {
-    let mut text = format!("# Palpate, revision {revision}\n# unit m, in the session's frame\n");
+pub(super) fn write(surface: &Surface, remark: &Remark<'_>) -> Vec<u8> {
+    let mut text = format!("# {}\n# {}\n", remark.origin(), remark.units());
     let result = surface
         .mesh
         .vertices
@@ -23,15 +25,17 @@ pub(super) fn write(surface: &Surface, revision: i64) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh_format::tests::tetrahedron;
+    use crate::mesh_format::tests::{HOSTILE, REMARK, tetrahedron};
 
     #[test]
     fn vertices_come_in_order_and_faces_count_from_one() {
-        let text = String::from_utf8(write(&tetrahedron(), 3)).unwrap();
+        let text = String::from_utf8(write(&tetrahedron(), &REMARK)).unwrap();
         let lines: Vec<&str> = text.lines().collect();
-        assert_eq!(lines[0], "# Palpate, revision 3");
+        assert_eq!(lines[..2], ["# Palpate, session mug, revision 7", "# unit m, in the frame base"]);
         assert_eq!(lines[3], "v 0.1 0 0");
         assert_eq!(lines[6], "f 1 3 2");
         assert_eq!(lines.len(), 2 + 4 + 4);
+        let hostile = String::from_utf8(write(&tetrahedron(), &HOSTILE)).unwrap();
+        assert_eq!(hostile.lines().count(), lines.len());
     }
 }

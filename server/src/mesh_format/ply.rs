@@ -5,18 +5,17 @@
 
 use palpate_core::reconstruction::Surface;
 
-/// Colours from certain to a guess: dark violet, blue, green, yellow, legible without colour vision too.
-const RAMP: [[f64; 3]; 5] =
-    [[68.0, 1.0, 84.0], [59.0, 82.0, 139.0], [33.0, 145.0, 140.0], [94.0, 201.0, 98.0], [253.0, 231.0, 37.0]];
+use super::Remark;
+use super::colour::{VIRIDIS, colour};
 
 /// Writes a little-endian PLY; numbers are `float`, colours `uchar`, faces lists of three `int`.
-pub(super) fn write(surface: &Surface, revision: i64) -> Vec<u8> {
-    let mut file = header(surface, revision).into_bytes();
+pub(super) fn write(surface: &Surface, remark: &Remark<'_>) -> Vec<u8> {
+    let mut file = header(surface, remark).into_bytes();
     for (index, vertex) in surface.mesh.vertices.iter().enumerate() {
         let uncertainty = surface.uncertainty[index];
         let std_m = surface.std_m.as_ref().map(|std_m| std_m[index]);
         extend(&mut file, vertex.iter().copied());
-        file.extend(colour(uncertainty));
+        file.extend(colour(&VIRIDIS, uncertainty).map(|part| part.round() as u8));
         extend(&mut file, [uncertainty, uncertainty].into_iter().chain(std_m));
     }
     for face in &surface.mesh.faces {
@@ -34,29 +33,21 @@ fn extend(file: &mut Vec<u8>, values: impl Iterator<Item = f64>) {
     }
 }
 
-/// Red, green and blue of an uncertainty in [0, 1].
-fn colour(uncertainty: f64) -> [u8; 3] {
-    let position = uncertainty.clamp(0.0, 1.0) * (RAMP.len() - 1) as f64;
-    let below = (position as usize).min(RAMP.len() - 2);
-    let share = position - below as f64;
-    std::array::from_fn(|part| {
-        let mixed = (1.0 - share) * RAMP[below][part] + share * RAMP[below + 1][part];
-        mixed.round() as u8
-    })
-}
-
-fn header(surface: &Surface, revision: i64) -> String {
+fn header(surface: &Surface, remark: &Remark<'_>) -> String {
     let std_m = if surface.std_m.is_some() { "property float std_m\n" } else { "" };
     format!(
         "ply\nformat binary_little_endian 1.0\n\
-         comment Palpate, revision {revision}\n\
-         comment unit m, in the session's frame; uncertainty in 0..1, as quality and as colour too\n\
+         comment {}\n\
+         comment {}\n\
+         comment uncertainty in 0..1, as quality and as colour too\n\
          element vertex {}\n\
          property float x\nproperty float y\nproperty float z\n\
          property uchar red\nproperty uchar green\nproperty uchar blue\n\
          property float uncertainty\nproperty float quality\n{std_m}\
          element face {}\n\
          property list uchar int vertex_indices\nend_header\n",
+        remark.origin(),
+        remark.units(),
         surface.mesh.vertices.len(),
         surface.mesh.faces.len(),
     )
@@ -68,7 +59,7 @@ mod tests {
     use ply_rs_bw::ply::{DefaultElement, Ply, Property};
 
     use super::*;
-    use crate::mesh_format::tests::tetrahedron;
+    use crate::mesh_format::tests::{HOSTILE, REMARK, tetrahedron};
 
     fn parse(file: &[u8]) -> Ply<DefaultElement> {
         Parser::<DefaultElement>::new().read_ply(&mut std::io::Cursor::new(file)).unwrap()
@@ -77,7 +68,7 @@ mod tests {
     #[test]
     fn an_independent_reader_finds_vertices_faces_and_uncertainties() {
         let surface = tetrahedron();
-        let ply = parse(&write(&surface, 7));
+        let ply = parse(&write(&surface, &REMARK));
         let vertices = &ply.payload["vertex"];
         for (index, vertex) in surface.mesh.vertices.iter().enumerate() {
             assert_eq!(vertices[index]["x"], Property::Float(vertex.x as f32));
@@ -88,26 +79,33 @@ mod tests {
         }
         assert!(!vertices[0].contains_key("std_m"));
         assert_eq!(ply.payload["face"][3]["vertex_indices"], Property::ListInt(vec![1, 2, 3]));
-        assert_eq!(ply.header.comments[0], "Palpate, revision 7");
+        assert_eq!(ply.header.comments[0], "Palpate, session mug, revision 7");
+        assert_eq!(ply.header.comments[1], "unit m, in the frame base");
+    }
+
+    #[test]
+    fn a_frame_cannot_break_the_header() {
+        let ply = parse(&write(&tetrahedron(), &HOSTILE));
+        assert_eq!(ply.payload["vertex"].len(), 4);
+        assert_eq!(ply.header.comments.len(), 3);
     }
 
     #[test]
     fn certain_is_dark_and_a_guess_is_yellow() {
-        let ply = parse(&write(&tetrahedron(), 1));
+        let ply = parse(&write(&tetrahedron(), &REMARK));
         let colours: Vec<[Property; 3]> = ply.payload["vertex"]
             .iter()
             .map(|vertex| ["red", "green", "blue"].map(|part| vertex[part].clone()))
             .collect();
         let expected = [[68, 1, 84], [59, 82, 139], [33, 145, 140], [253, 231, 37]];
         assert_eq!(colours, expected.map(|colour| colour.map(Property::UChar)));
-        assert_eq!(colour(0.125), [64, 42, 112], "half way from violet to blue");
     }
 
     #[test]
     fn deviations_become_a_property_when_they_are_known() {
         let mut surface = tetrahedron();
         surface.std_m = Some(vec![0.001, 0.002, 0.003, 0.004]);
-        let ply = parse(&write(&surface, 1));
+        let ply = parse(&write(&surface, &REMARK));
         assert_eq!(ply.payload["vertex"][2]["std_m"], Property::Float(0.003));
     }
 }

@@ -26,6 +26,8 @@ use crate::limits::Limits;
 pub(crate) enum Kind {
     /// One after the other, and all of it within this time or the server's, whichever is shorter.
     Whole(Option<Duration>),
+    /// A file that is taken piece by piece, for as long as its pieces come.
+    Pieces,
     /// gRPC messages, each after a prefix with its length, for as long as the caller likes.
     Messages,
 }
@@ -73,10 +75,12 @@ impl Bodies {
     fn watched(self, body: Body, kind: Kind, held: Arc<Mutex<Held>>) -> Body {
         let (limit, framing) = match kind {
             Kind::Whole(deadline) => (deadline.map_or(self.timeout, |wish| wish.min(self.timeout)), None),
+            Kind::Pieces => (Duration::MAX, None),
             Kind::Messages => (Duration::MAX, Some(Framing::default())),
         };
-        let timer = framing.is_none().then(|| Box::pin(sleep(limit)));
-        Body::new(Watched { body, bodies: self, held, limit, timer, framing })
+        let is_whole = matches!(kind, Kind::Whole(_));
+        let timer = is_whole.then(|| Box::pin(sleep(limit)));
+        Body::new(Watched { body, bodies: self, held, limit, timer, framing, is_whole })
     }
 }
 
@@ -99,6 +103,8 @@ struct Watched {
     limit: Duration,
     timer: Option<Pin<Box<Sleep>>>,
     framing: Option<Framing>,
+    /// All of it is held until the request is answered.
+    is_whole: bool,
 }
 
 impl Watched {
@@ -118,11 +124,14 @@ impl Watched {
         Ok(())
     }
 
-    /// Gives back the room of messages that were read: whoever asks for more has taken what was complete.
+    /// Gives back the room of messages or pieces that were read: whoever asks for more has taken what was complete.
     fn release_read(&mut self) {
-        let Some(framing) = &self.framing else { return };
+        if self.is_whole {
+            return;
+        }
+        let open = self.framing.as_ref().map_or(0, |framing| framing.open);
         if let Some(permit) = &mut lock(&self.held).permit {
-            drop(permit.split(permit.num_permits().saturating_sub(framing.open)));
+            drop(permit.split(permit.num_permits().saturating_sub(open)));
         }
     }
 

@@ -301,8 +301,8 @@ async fn refusals_have_their_codes_and_change_nothing() {
     assert_eq!((refused.code(), reason(&refused).as_str()), (Code::FailedPrecondition, "NO_VISUAL_PRIOR"));
     let nowhere = v1::GetSessionRequest { session_id: "nowhere".into() };
     assert_eq!(server.sessions.get_session(nowhere).await.unwrap_err().code(), Code::NotFound);
-    let later = server.sessions.fork_session(v1::ForkSessionRequest::default()).await.unwrap_err();
-    assert_eq!(later.code(), Code::Unimplemented);
+    let unnamed = server.sessions.fork_session(v1::ForkSessionRequest::default()).await.unwrap_err();
+    assert_eq!(unnamed.code(), Code::InvalidArgument);
 
     let mut huge = prior("ball");
     huge.prior.as_mut().unwrap().points = vec![0; 17 << 20].into();

@@ -65,13 +65,8 @@ impl Leases {
 impl Snapshot {
     /// The session after some places were promised, at `at_us`: one more event, and the same estimate.
     pub(crate) fn lease(&self, new: Vec<Lease>, at_us: i64) -> Self {
-        Self {
-            revision: self.revision + 1,
-            updated_us: at_us,
-            leases: self.leases.at(at_us).with(new),
-            last_update: std::time::Duration::ZERO,
-            ..self.clone()
-        }
+        let after = self.noted(at_us);
+        Self { leases: after.leases.clone().with(new), ..after }
     }
 }
 

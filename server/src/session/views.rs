@@ -174,6 +174,8 @@ mod tests {
             sensors: Vec::new(),
             keep_out: Vec::new(),
             plausible_size: crate::session::PlausibleSize::default(),
+            shadow: Vec::new(),
+            ancestors: Vec::new(),
             created_us: 1,
         };
         Snapshot::created(Arc::new(definition))

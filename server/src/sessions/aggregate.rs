@@ -26,12 +26,34 @@ pub(crate) trait Aggregate: Send + Sync + Sized + 'static {
     /// Why it does not.
     fn check_open(&self) -> Result<(), Error>;
 
+    /// The same state after an event that is left out, since it was retracted.
+    fn without_event(&self, row: &Event) -> Self;
+
     /// The same state, the last sound one of a log that is damaged after it and should go on to `head`.
     fn quarantined(&self, reason: &str, head: i64) -> Self;
 }
 
 /// Makes the state after a stored event, which is the creation where there is no state before.
 pub(crate) type Fold<S> = fn(Option<&S>, &Event) -> Result<S, FoldError>;
+
+/// How a log becomes a state.
+#[derive(Debug)]
+pub(crate) struct Folding<S> {
+    /// Makes the state after an event.
+    pub(crate) fold: Fold<S>,
+    /// The event that an event retracts, if it is a retraction.
+    pub(crate) retracts: fn(&Event) -> Option<i64>,
+    /// The name of retractions in the table.
+    pub(crate) retraction: &'static str,
+}
+
+impl<S> Clone for Folding<S> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<S> Copy for Folding<S> {}
 
 /// Why a stored event cannot be applied; for the log.
 #[derive(Debug, thiserror::Error)]
@@ -57,6 +79,8 @@ pub(crate) struct Computed<S> {
     pub(crate) state_hash: String,
     /// When the event was accepted, in microseconds since 1970, UTC.
     pub(crate) append_us: i64,
+    /// All labels, where the event changed them.
+    pub(crate) new_labels: Option<std::collections::BTreeMap<String, String>>,
 }
 
 /// What a change comes to.
@@ -65,7 +89,12 @@ pub(crate) enum Decision<S> {
     Append(StoredEvent, Computed<S>),
     /// A reply to a request that changes nothing after all; it is not kept for retries.
     Answer(Vec<u8>),
+    /// An event of the log is retracted: what follows is computed from the state that the log gives without it.
+    Retract(i64, Recompute<S>),
 }
+
+/// Computes the event that retracts another one, from the state without it.
+pub(crate) type Recompute<S> = Box<dyn FnOnce(&S) -> (StoredEvent, Computed<S>) + Send>;
 
 /// A session that is about to be created.
 pub(crate) struct Created<S> {

@@ -2,10 +2,12 @@
 
 use uuid::Uuid;
 
-use super::{ATTEMPTS, Aggregate, Created, Creation, Reply, RequestKey, Sessions, contended, recorded};
+use super::{
+    ATTEMPTS, Aggregate, Created, Creation, Reply, RequestKey, Sessions, answered_before, contended, recorded,
+};
 use crate::error::Error;
 use crate::session::now_us;
-use crate::store::{NewSession, StoreError, first_link};
+use crate::store::{FirstRequest, NewSession, StoreError, first_link};
 
 impl<S: Aggregate> Sessions<S> {
     pub(super) async fn create_now(&self, creation: &Creation<S>) -> Result<Reply, Error> {
@@ -19,9 +21,9 @@ impl<S: Aggregate> Sessions<S> {
             self.check_quota().await?;
             let Created { event, computed, experiment, labels } = create(&session_id, now_us())?;
             let (_, head, event) = recorded(computed, request, event, actor, &first_link(&session_id));
-            let session = NewSession { head, experiment, labels };
+            let session = NewSession { head, experiment, labels, imported_by: None, reference_of: None };
             let reply = event.reply.clone();
-            match self.store.create(session, event).await {
+            match self.store.create(session, vec![event]).await {
                 Ok(()) => return Ok(Reply { bytes: reply, duplicate: false }),
                 Err(StoreError::Conflict) if self.store.session(&session_id).await?.is_some() => {
                     // The same request may have won the race against itself.
@@ -36,16 +38,29 @@ impl<S: Aggregate> Sessions<S> {
     }
 
     /// The reply to an earlier creation under the same request id, whatever session it asked for.
-    async fn first_creation(&self, wanted: &str, request: &RequestKey) -> Result<Option<Reply>, Error> {
+    pub(super) async fn first_creation(
+        &self,
+        wanted: &str,
+        request: &RequestKey,
+    ) -> Result<Option<Reply>, Error> {
         if request.id.is_empty() {
             return Ok(None);
         }
-        let Some(session_id) = self.store.created_by(&request.id).await? else {
+        let Some(made) = self.store.created_by(&request.id).await? else {
             // The id may have come with another kind of request, or with a creation from before all were noted.
             return if wanted.is_empty() { Ok(None) } else { self.first_reply(wanted, request).await };
         };
-        if let Some(first) = self.first_reply(&session_id, request).await? {
-            return Ok(Some(first));
+        let FirstRequest { session_id, request_digest, reply } = made;
+        let first = match (request_digest, reply) {
+            // An import, which no event of the session tells of.
+            (Some(digest), Some(reply)) => {
+                let exists = self.store.session(&session_id).await?.is_some();
+                exists.then(|| answered_before(request, &digest, reply)).transpose()?
+            }
+            _ => self.first_reply(&session_id, request).await?,
+        };
+        if first.is_some() {
+            return Ok(first);
         }
         // The session was deleted since, and its log with it.
         let request_id = request.id.clone();
@@ -56,7 +71,7 @@ impl<S: Aggregate> Sessions<S> {
         Err(Error::RequestIdReused { request_id })
     }
 
-    async fn check_quota(&self) -> Result<(), Error> {
+    pub(super) async fn check_quota(&self) -> Result<(), Error> {
         let count = self.store.session_count().await?;
         if u64::try_from(count).unwrap_or(0) < self.limits.sessions {
             return Ok(());

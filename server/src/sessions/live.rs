@@ -5,10 +5,11 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use tokio::sync::{OnceCell, Semaphore, SemaphorePermit, watch};
+use tokio::sync::{OnceCell, OwnedSemaphorePermit, Semaphore, SemaphorePermit, watch};
 use tokio::time::Instant;
 
 use super::States;
+use crate::compute::Queue;
 use crate::error::Error;
 use crate::store::{Link, first_link};
 
@@ -48,6 +49,10 @@ pub(super) struct Live<S> {
     /// The one permit, handed on in the order of arrival.
     permit: Semaphore,
     newest: OnceCell<watch::Sender<Arc<S>>>,
+    /// Held by whoever computes an earlier state.
+    pub(super) past: tokio::sync::Mutex<()>,
+    /// Bounds how many wait for earlier states.
+    past_slots: Arc<Semaphore>,
     /// Where its log ends; whoever holds the permit reads and writes it.
     head: Mutex<Option<Head>>,
     gone: AtomicBool,
@@ -68,6 +73,8 @@ impl<S> Live<S> {
             queue,
             permit: Semaphore::new(1),
             newest: OnceCell::new(),
+            past: tokio::sync::Mutex::default(),
+            past_slots: Arc::new(Semaphore::new(1 + queue)),
             head: Mutex::new(None),
             gone: AtomicBool::new(false),
             last_used: AtomicU64::new(0),
@@ -100,6 +107,29 @@ impl<S> Live<S> {
             Ok::<_, Error>(watch::Sender::new(state))
         };
         Ok(self.newest.get_or_try_init(load).await?.subscribe())
+    }
+
+    /// A place to wait for an earlier state.
+    ///
+    /// # Errors
+    /// Too many wait already, or the deadline passed.
+    pub(super) async fn past_slot(
+        &self,
+        queue: Queue,
+        deadline: Instant,
+    ) -> Result<OwnedSemaphorePermit, Error> {
+        let slots = self.past_slots.clone();
+        if queue.is_patient() {
+            let slot = tokio::time::timeout_at(deadline, slots.acquire_owned()).await;
+            return slot.map_err(|_elapsed| Error::DeadlineExceeded)?.map_err(|_closed| Error::Draining);
+        }
+        let retry_after = TYPICAL_CHANGE * u32::try_from(self.queue.max(1)).unwrap_or(u32::MAX);
+        slots.try_acquire_owned().map_err(|_full| Error::QueueFull { queue: "session's reader", retry_after })
+    }
+
+    /// The newest state and those to come, if there is one yet.
+    pub(super) fn states(&self) -> Option<States<S>> {
+        self.newest.get().map(watch::Sender::subscribe)
     }
 
     /// Makes a state the newest; whoever holds the permit calls this.

@@ -1,10 +1,20 @@
-//! A few states of earlier revisions, so that looking through a session's past is not replayed
-//! from the beginning each time.
+//! States of earlier revisions: a few are kept, and what is not kept is computed again from the nearest one before it.
+//!
+//! One computation at a time goes on in a session, whoever began it and whether or not anybody waits for it still, so
+//! that each revision is reached in the end, however short the deadlines are.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use super::Aggregate;
+use tokio::time::Instant;
+
+use super::live::{Head, Live, Replayed};
+use super::{Aggregate, Sessions, detached};
+use crate::compute::Queue;
+use crate::error::Error;
+
+/// Events between two states that are kept on the way to a later one.
+const STEP: i64 = 32;
 
 /// The states used last, the newest use in front.
 #[derive(Debug)]
@@ -18,15 +28,17 @@ impl<S: Aggregate> PastStates<S> {
         Self { recent: Mutex::default(), most }
     }
 
-    /// The kept state of this session that is nearest to `revision` and not after it.
-    pub(super) fn nearest(&self, newest: &S, revision: i64) -> Option<Arc<S>> {
+    /// The kept state of this session that is nearest to `revision` and not after it, of those of revisions that are
+    /// `usable`.
+    fn nearest(&self, newest: &S, revision: i64, usable: impl Fn(i64) -> bool) -> Option<Arc<S>> {
         let recent = self.lock();
-        let earlier =
-            recent.iter().filter(|kept| kept.identity() == newest.identity() && kept.revision() <= revision);
+        let earlier = recent.iter().filter(|kept| {
+            kept.identity() == newest.identity() && kept.revision() <= revision && usable(kept.revision())
+        });
         earlier.max_by_key(|kept| kept.revision()).cloned()
     }
 
-    pub(super) fn keep(&self, state: Arc<S>) {
+    fn keep(&self, state: Arc<S>) {
         let mut recent = self.lock();
         recent.retain(|kept| kept.identity() != state.identity() || kept.revision() != state.revision());
         recent.push_front(state);
@@ -35,5 +47,57 @@ impl<S: Aggregate> PastStates<S> {
 
     fn lock(&self) -> MutexGuard<'_, VecDeque<Arc<S>>> {
         self.recent.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl<S: Aggregate> Sessions<S> {
+    /// The state at a revision before the newest.
+    ///
+    /// # Errors
+    /// Too many wait for the past of this session, or the log could not be read in time.
+    pub(super) async fn past_state(
+        self: &Arc<Self>,
+        live: Arc<Live<S>>,
+        newest: Arc<S>,
+        revision: i64,
+        queue: Queue,
+        deadline: Instant,
+    ) -> Result<Arc<S>, Error> {
+        let is_it = |kept: i64| kept == revision;
+        if let Some(known) = self.past.nearest(&newest, revision, is_it) {
+            return Ok(known);
+        }
+        let slot = live.past_slot(queue, deadline).await?;
+        let this = self.clone();
+        let computed = detached(async move {
+            let _slot = slot;
+            let _alone = live.past.lock().await;
+            this.compute_past(&newest, revision, queue).await
+        });
+        tokio::time::timeout_at(deadline, computed).await.unwrap_or(Err(Error::DeadlineExceeded))
+    }
+
+    async fn compute_past(&self, newest: &S, revision: i64, queue: Queue) -> Result<Arc<S>, Error> {
+        let session_id = newest.identity().0;
+        let until = Instant::now() + self.limits.recompute_timeout;
+        let retractions = self.retractions(session_id, revision).await?;
+        let mut nearest = self.past.nearest(newest, revision, |kept| retractions.agree_at(kept));
+        loop {
+            let reached = nearest.as_ref().map_or(0, |state| state.revision());
+            if let Some(state) = nearest.clone().filter(|_| reached == revision) {
+                return Ok(state);
+            }
+            let mut steps = (reached + STEP).min(revision)..=revision;
+            let next = steps.find(|&step| retractions.agree_at(step)).unwrap_or(revision);
+            // Each event is checked by the one before it, so where the kept state ends need not be known.
+            let from = nearest.map(|state| Replayed { state, head: Head::empty(session_id) });
+            let state = self.replay(session_id, from, next, queue, until).await?.state;
+            self.past.keep(state.clone());
+            if state.revision() < next {
+                // The log was found damaged: this is what is sound of it.
+                return Ok(state);
+            }
+            nearest = Some(state);
+        }
     }
 }

@@ -5,7 +5,8 @@ use std::sync::Arc;
 use tokio::time::Instant;
 
 use super::live::{Head, Live, Replayed};
-use super::{ATTEMPTS, Aggregate, Fold, FoldError, Sessions, contended};
+use super::retraction::Retractions;
+use super::{ATTEMPTS, Aggregate, FoldError, Folding, Sessions, contended};
 use crate::compute::Queue;
 use crate::error::Error;
 use crate::store::{Damage, Event, SessionRow, StoreError};
@@ -14,13 +15,56 @@ use crate::store::{Damage, Event, SessionRow, StoreError};
 const PAGE: i64 = 16;
 
 /// How far a log could be folded.
-struct Folded<S> {
-    state: Option<Arc<S>>,
-    head: Head,
-    damage: Option<Damage>,
+pub(super) struct Folded<S> {
+    pub(super) state: Option<Arc<S>>,
+    pub(super) head: Head,
+    pub(super) damage: Option<Damage>,
+}
+
+/// A fold of a log, a few events at a time: from its beginning, and then it uses nothing of what is in memory.
+#[derive(Debug)]
+pub(crate) struct FreshFold<S> {
+    reached: Option<Replayed<S>>,
+}
+
+impl<S> Default for FreshFold<S> {
+    fn default() -> Self {
+        Self { reached: None }
+    }
+}
+
+impl<S> FreshFold<S> {
+    /// A fold that goes on from a state in memory. Where its log ends is not known, so it must not be taken to the
+    /// newest event.
+    pub(crate) fn from(state: Arc<S>, session_id: &str) -> Self {
+        Self { reached: Some(Replayed { state, head: Head::empty(session_id) }) }
+    }
 }
 
 impl<S: Aggregate> Sessions<S> {
+    /// Goes on with a fold up to the event `to`: the state there, or an earlier and quarantined one where the log is
+    /// damaged before.
+    ///
+    /// # Errors
+    /// There is no such session, not even its first event is sound, or the log cannot be read in time.
+    pub(crate) async fn fold_afresh(
+        &self,
+        session_id: &str,
+        fold: &mut FreshFold<S>,
+        to: i64,
+        queue: Queue,
+        deadline: Instant,
+    ) -> Result<Arc<S>, Error> {
+        let from = fold
+            .reached
+            .as_ref()
+            .map(|Replayed { state, head }| Replayed { state: state.clone(), head: *head });
+        let reached = self.replay(session_id, from, to, queue, deadline).await?;
+        let state = reached.state.clone();
+        fold.reached = Some(reached);
+        Ok(state)
+    }
+
     /// Folds the events after `from` up to the revision `to`, or as many as there are.
     ///
     /// A log that is damaged gives its last sound state, quarantined.
@@ -37,12 +81,16 @@ impl<S: Aggregate> Sessions<S> {
     ) -> Result<Replayed<S>, Error> {
         for _ in 0..ATTEMPTS {
             let row = self.row(session_id).await?;
-            let (state, head) = match &from {
+            let end = to.min(row.head);
+            let retractions = self.retractions(session_id, end).await?;
+            // What was retracted since is in the state.
+            let from = from.as_ref().filter(|from| retractions.agree_at(from.state.revision()));
+            let (state, head) = match from {
                 Some(from) => (Some(from.state.clone()), from.head),
                 None => (None, Head::empty(session_id)),
             };
             let start = Folded { state, head, damage: None };
-            let folded = self.fold_on(&row, start, to.min(row.head), queue, deadline).await?;
+            let folded = self.fold_on(&row, start, end, &retractions, queue, deadline).await?;
             let Some(damage) = folded.damage else {
                 let state = folded.state.ok_or_else(|| not_found(session_id))?;
                 if row.damage().is_some() && from.is_none() && to >= row.head {
@@ -59,12 +107,13 @@ impl<S: Aggregate> Sessions<S> {
         Err(contended())
     }
 
-    async fn fold_on(
+    pub(super) async fn fold_on(
         &self,
         row: &SessionRow,
         start: Folded<S>,
         end: i64,
-        queue: Queue,
+        retractions: &Retractions,
+        mut queue: Queue,
         deadline: Instant,
     ) -> Result<Folded<S>, Error> {
         let session_id = row.session_id.as_str();
@@ -82,14 +131,14 @@ impl<S: Aggregate> Sessions<S> {
             if page.is_empty() {
                 break;
             }
-            let (fold, id) = (self.fold, session_id.to_owned());
-            folded = self
-                .pool
-                .run(queue, session_id, deadline, move || fold_page(fold, &id, folded, &page))
-                .await?;
+            let (folding, id, retractions) = (self.folding, session_id.to_owned(), retractions.clone());
+            let fold = move || fold_page(folding, &id, folded, &page, &retractions);
+            folded = self.pool.run(queue, session_id, deadline, fold).await?;
             if folded.damage.is_some() {
                 return Ok(folded);
             }
+            // What has begun is not given up because others came meanwhile.
+            queue = queue.patient();
         }
         let last = folded.revision();
         if end < row.head && last == end {
@@ -122,7 +171,7 @@ impl<S: Aggregate> Sessions<S> {
         }
     }
 
-    async fn row(&self, session_id: &str) -> Result<SessionRow, Error> {
+    pub(super) async fn row(&self, session_id: &str) -> Result<SessionRow, Error> {
         self.store.session(session_id).await?.ok_or_else(|| not_found(session_id))
     }
 
@@ -161,14 +210,15 @@ impl<S: Aggregate> Folded<S> {
     }
 }
 
-fn fold_page<S: Aggregate>(
-    fold: Fold<S>,
+pub(super) fn fold_page<S: Aggregate>(
+    folding: Folding<S>,
     session_id: &str,
     mut folded: Folded<S>,
     page: &[Event],
+    retractions: &Retractions,
 ) -> Folded<S> {
     for row in page {
-        match fold(folded.state.as_deref(), row).and_then(|next| checked(next, row)) {
+        match next(folding, folded.state.as_deref(), row, retractions) {
             Ok(next) => {
                 folded.head =
                     Head { link: row.link(&folded.head.link), bytes: folded.head.bytes + row.bytes() };
@@ -185,6 +235,20 @@ fn fold_page<S: Aggregate>(
     folded
 }
 
+/// The state after one more event, which must be the one that was recorded.
+fn next<S: Aggregate>(
+    folding: Folding<S>,
+    before: Option<&S>,
+    row: &Event,
+    retractions: &Retractions,
+) -> Result<S, FoldError> {
+    let next = match before {
+        Some(before) if retractions.leaves_out(row.seq) => before.without_event(row),
+        _ => (folding.fold)(before, row)?,
+    };
+    if retractions.agree_at(row.seq) { checked(next, row) } else { Ok(next) }
+}
+
 /// The same state, where it is the one that was recorded; one of another version may differ.
 fn checked<S: Aggregate>(state: S, row: &Event) -> Result<S, FoldError> {
     if row.algorithm_version != S::ALGORITHM_VERSION || row.state_hash == state.state_hash() {
@@ -195,6 +259,6 @@ fn checked<S: Aggregate>(state: S, row: &Event) -> Result<S, FoldError> {
     Err(FoldError { seq: row.seq, reason })
 }
 
-fn not_found(session_id: &str) -> Error {
+pub(super) fn not_found(session_id: &str) -> Error {
     Error::SessionNotFound { session_id: session_id.to_owned() }
 }

@@ -42,6 +42,12 @@ impl Aggregate for Toy {
         Ok(())
     }
 
+    fn without_event(&self, _row: &Event) -> Self {
+        let mut after = self.clone();
+        after.bytes.push(LEFT_OUT);
+        after
+    }
+
     fn quarantined(&self, _reason: &str, _head: i64) -> Self {
         panic!("every log of this test can be replayed")
     }
@@ -51,10 +57,17 @@ fn fold(before: Option<&Toy>, row: &Event) -> Result<Toy, FoldError> {
     let [id @ .., byte] = row.payload.as_slice() else { panic!("an event has a byte") };
     let created =
         || Toy { id: String::from_utf8_lossy(id).into_owned(), created_us: row.append_us, bytes: Vec::new() };
-    let toy = before.map_or_else(created, Toy::clone).with(*byte);
-    assert_eq!(toy.state_hash(), row.state_hash, "the state is the one that was recorded");
-    Ok(toy)
+    let byte = if row.kind == RETRACTED { RETRACTION } else { *byte };
+    Ok(before.map_or_else(created, Toy::clone).with(byte))
 }
+
+const RETRACTED: &str = "retracted";
+
+fn retracts(row: &Event) -> Option<i64> {
+    (row.kind == RETRACTED).then(|| i64::from(row.payload[0]))
+}
+
+const FOLDING: Folding<Toy> = Folding { fold, retracts, retraction: RETRACTED };
 
 impl Toy {
     fn with(mut self, byte: u8) -> Self {
@@ -70,11 +83,15 @@ impl Toy {
             stats_after: Vec::new(),
             state_hash: self.state_hash(),
             append_us: self.created_us,
+            new_labels: None,
             after: self,
         }
     }
 }
 
+/// What is in the place of an event that was retracted, and of the retraction.
+const LEFT_OUT: u8 = 5;
+const RETRACTION: u8 = 6;
 /// The body of a request that the method refuses.
 const REFUSED: u8 = 3;
 /// The body of a request that is answered and changes nothing.
@@ -108,6 +125,11 @@ enum Op {
         request: u8,
         body: u8,
     },
+    Retract {
+        session: u8,
+        request: u8,
+        seq: u8,
+    },
     Delete {
         session: u8,
         request: u8,
@@ -131,6 +153,8 @@ fn op() -> impl Strategy<Value = Op> {
         60 => (key(), guard())
             .prop_map(|((session, request, body), guard)| Op::Append { session, request, body, guard }),
         10 => key().prop_map(|(session, request, body)| Op::AppendTwice { session, request, body }),
+        20 => (0..3_u8, 0..5_u8, 1..9_u8)
+            .prop_map(|(session, request, seq)| Op::Retract { session, request, seq }),
         15 => (key(), guard())
             .prop_map(|((session, request, body), guard)| Op::Delete { session, request, body, guard }),
         30 => (0..3_u8, 0..4_i64).prop_map(|(session, back)| Op::Read { session, back }),
@@ -159,7 +183,8 @@ type Digest = (char, u8, u8);
 /// What must be true.
 #[derive(Debug, Default)]
 struct Model {
-    sessions: BTreeMap<u8, Vec<u8>>,
+    /// The state at each revision.
+    sessions: BTreeMap<u8, Vec<Vec<u8>>>,
     /// By session and request id.
     replies: BTreeMap<(u8, u8), (Digest, Vec<u8>)>,
     deletions: BTreeMap<(u8, u8), u8>,
@@ -190,9 +215,24 @@ impl Model {
             (_, Some(outcome), _) => outcome,
             (_, None, Guard::Stale) => Err("REVISION_MISMATCH"),
             _ if body == REFUSED => Err("NO_VISUAL_PRIOR"),
-            (Some(bytes), ..) if body == ANSWERED => Ok((bytes.clone(), false)),
+            (Some(states), ..) if body == ANSWERED => Ok((states[states.len() - 1].clone(), false)),
             _ => self.accept(session, request, ('a', session, body)),
         }
+    }
+
+    fn retract(&mut self, session: u8, request: u8, seq: u8) -> Outcome {
+        let digest = ('r', session, seq);
+        let Some(states) = self.sessions.get(&session) else { return Err("SESSION_NOT_FOUND") };
+        if let Some(outcome) = self.first_reply(session, request, digest) {
+            return outcome;
+        }
+        let mut bytes = states[states.len() - 1].clone();
+        if !is_evidence(&bytes, seq) {
+            return Err("FIELD_INVALID");
+        }
+        bytes[usize::from(seq) - 1] = LEFT_OUT;
+        bytes.push(RETRACTION);
+        self.note(session, request, digest, bytes)
     }
 
     fn first_reply(&self, session: u8, request: u8, digest: Digest) -> Option<Outcome> {
@@ -201,12 +241,18 @@ impl Model {
     }
 
     fn accept(&mut self, session: u8, request: u8, digest: Digest) -> Outcome {
-        let bytes = self.sessions.entry(session).or_default();
+        let mut bytes =
+            self.sessions.get(&session).and_then(|states| states.last()).cloned().unwrap_or_default();
         bytes.push(digest.2);
+        self.note(session, request, digest, bytes)
+    }
+
+    fn note(&mut self, session: u8, request: u8, digest: Digest, bytes: Vec<u8>) -> Outcome {
+        self.sessions.entry(session).or_default().push(bytes.clone());
         if request != NO_ID {
             self.replies.insert((session, request), (digest, bytes.clone()));
         }
-        Ok((bytes.clone(), false))
+        Ok((bytes, false))
     }
 
     fn delete(&mut self, session: u8, request: u8, body: u8, guard: Guard) -> Result<(), &'static str> {
@@ -226,11 +272,17 @@ impl Model {
     }
 
     fn read(&self, session: u8, back: i64) -> Result<&[u8], &'static str> {
-        let bytes = self.sessions.get(&session).ok_or("SESSION_NOT_FOUND")?;
+        let states = self.sessions.get(&session).ok_or("SESSION_NOT_FOUND")?;
         // Revision 0 is the newest, as in the contract.
-        let revision = usize::try_from(bytes.len() as i64 - back).map_err(|_| "FIELD_INVALID")?;
-        Ok(if revision == 0 { bytes } else { &bytes[..revision] })
+        let revision = usize::try_from(states.len() as i64 - back).map_err(|_| "FIELD_INVALID")?;
+        Ok(&states[if revision == 0 { states.len() } else { revision } - 1])
     }
+}
+
+/// Whether the event `seq` of a state can be retracted: an appended one that counts.
+fn is_evidence(bytes: &[u8], seq: u8) -> bool {
+    let appended = (2..=bytes.len()).contains(&usize::from(seq));
+    appended && !matches!(bytes[usize::from(seq) - 1], LEFT_OUT | RETRACTION)
 }
 
 /// The sessions under test, over a database that all sequences share; each has ids of its own in it.
@@ -283,6 +335,25 @@ impl World {
         Change { session_id: self.id(session), request, expected_revision, actor: String::new(), compute }
     }
 
+    fn retract(&self, session: u8, request: u8, seq: u8) -> Change<Toy> {
+        let compute = Arc::new(move |before: &Toy| {
+            if !is_evidence(&before.bytes, seq) {
+                return Err(Error::field("seq", "is no evidence"));
+            }
+            let compute =
+                move |without: &Toy| ((RETRACTED, vec![seq]), without.clone().with(RETRACTION).computed());
+            Ok(Decision::Retract(i64::from(seq), Box::new(compute)))
+        });
+        let request = self.key(('r', session, seq), request);
+        Change {
+            session_id: self.id(session),
+            request,
+            expected_revision: None,
+            actor: String::new(),
+            compute,
+        }
+    }
+
     fn delete(&self, session: u8, request: u8, body: u8, guard: Guard) -> Result<(), &'static str> {
         let (id, request) = (self.id(session), self.key(('d', session, body), request));
         self.runtime.block_on(async {
@@ -328,6 +399,11 @@ impl World {
                 expected.sort();
                 prop_assert_eq!(outcomes, expected);
             }
+            Op::Retract { session, request, seq } => {
+                let change = self.retract(session, request, seq);
+                let outcome = outcome(self.runtime.block_on(self.sessions.change(change, soon())));
+                prop_assert_eq!(outcome, model.retract(session, request, seq));
+            }
             Op::Delete { session, request, body, guard } => {
                 let deleted = self.delete(session, request, body, guard);
                 prop_assert_eq!(deleted, model.delete(session, request, body, guard));
@@ -354,7 +430,7 @@ async fn open(folder: &TempDir) -> Arc<Sessions<Toy>> {
     let limits = Limits { live_sessions: 2, past_states: 2, ..Limits::default() };
     let store = Store::open_beside(&folder.path().join("log.db"), &limits).await.unwrap();
     let pool = Pool::new(2, &limits);
-    Arc::new(Sessions::new(store, pool, fold, Arc::new(limits), CancellationToken::new()))
+    Arc::new(Sessions::new(store, pool, FOLDING, Arc::new(limits), CancellationToken::new()))
 }
 
 fn outcome(reply: Result<Reply, Error>) -> Outcome {

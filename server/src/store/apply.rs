@@ -1,11 +1,14 @@
 //! One change of the log as SQL.
 
+use std::collections::BTreeMap;
+
 use sqlx::SqliteConnection;
 
 use super::StoreError;
-use super::change::{Change, Damage, Deletion, NewSession, SessionHead};
+use super::change::{Change, Damage, Deletion, Import, NewSession, SessionHead};
 use super::event::Event;
 use super::link::{self, Link, Sealed};
+use super::references;
 use crate::session::now_us;
 
 /// Applies one change within a transaction.
@@ -18,6 +21,9 @@ pub(super) async fn apply(connection: &mut SqliteConnection, change: &Change) ->
             mark(connection, session_id, Some(*sound), Some(reason)).await
         }
         Change::Restore(session_id) => mark(connection, session_id, None, None).await,
+        Change::KeepReference(reference) => references::keep(connection, reference).await,
+        Change::ForgetReference(session_id) => references::forget(connection, session_id).await,
+        Change::NoteErrors(errors) => references::note(connection, errors).await,
         Change::Check => {
             let query = sqlx::query("update log set checked_us = $1");
             query.bind(now_us()).execute(connection).await?;
@@ -37,7 +43,7 @@ pub(super) async fn bytes_used(connection: &mut SqliteConnection) -> Result<u64,
 }
 
 fn seal(head: &SessionHead, seq: i64) -> Link {
-    let SessionHead { session_id, created_us, state, summary, link } = head;
+    let SessionHead { session_id, created_us, state, summary, link, new_labels: _ } = head;
     let (created_us, state) = (*created_us, *state);
     link::seal(&Sealed { session_id, created_us, state, head: seq, link, summary })
 }
@@ -45,10 +51,11 @@ fn seal(head: &SessionHead, seq: i64) -> Link {
 async fn create(
     connection: &mut SqliteConnection,
     session: &NewSession,
-    event: &Event,
+    events: &[Event],
 ) -> Result<(), StoreError> {
-    let NewSession { head, experiment, labels } = session;
-    let SessionHead { session_id, created_us, state, summary, link } = head;
+    let NewSession { head, experiment, labels, imported_by, reference_of } = session;
+    let SessionHead { session_id, created_us, state, summary, link, new_labels: _ } = head;
+    let last = events.last().map_or(0, |event| event.seq);
     sqlx::query(
         "insert into sessions (session_id, experiment, state, created_us, head, summary, link, seal)
          values ($1, $2, $3, $4, $5, $6, $7, $8)",
@@ -57,12 +64,30 @@ async fn create(
     .bind(experiment)
     .bind(state)
     .bind(created_us)
-    .bind(event.seq)
+    .bind(last)
     .bind(summary)
     .bind(link.as_slice())
-    .bind(seal(head, event.seq).as_slice())
+    .bind(seal(head, last).as_slice())
     .execute(&mut *connection)
     .await?;
+    label(connection, session_id, labels).await?;
+    note_request(connection, session_id, events.first(), imported_by.as_ref()).await?;
+    let mut link = link::first(session_id);
+    for event in events {
+        link = event.link(&link);
+        insert_event(connection, session_id, &link, event).await?;
+    }
+    if let Some(origin) = reference_of {
+        references::keep_that_of(connection, session_id, origin).await?;
+    }
+    Ok(())
+}
+
+async fn label(
+    connection: &mut SqliteConnection,
+    session_id: &str,
+    labels: &BTreeMap<String, String>,
+) -> Result<(), StoreError> {
     for (name, value) in labels {
         sqlx::query("insert into session_labels (session_id, name, value) values ($1, $2, $3)")
             .bind(session_id)
@@ -71,14 +96,37 @@ async fn create(
             .execute(&mut *connection)
             .await?;
     }
-    if let Some(request_id) = &event.request_id {
+    Ok(())
+}
+
+/// Keeps the request that made a session, for retries that do not name the session.
+async fn note_request(
+    connection: &mut SqliteConnection,
+    session_id: &str,
+    first: Option<&Event>,
+    imported_by: Option<&Import>,
+) -> Result<(), StoreError> {
+    let Some(Import { request_id, request_digest, reply }) = imported_by else {
+        let Some(request_id) = first.and_then(|event| event.request_id.as_ref()) else { return Ok(()) };
         sqlx::query("insert into creations (request_id, session_id) values ($1, $2)")
             .bind(request_id)
             .bind(session_id)
-            .execute(&mut *connection)
+            .execute(connection)
             .await?;
+        return Ok(());
+    };
+    if !request_id.is_empty() {
+        sqlx::query(
+            "insert into creations (request_id, session_id, request_digest, reply) values ($1, $2, $3, $4)",
+        )
+        .bind(request_id)
+        .bind(session_id)
+        .bind(request_digest)
+        .bind(reply)
+        .execute(connection)
+        .await?;
     }
-    insert_event(connection, head, event).await
+    Ok(())
 }
 
 async fn append(
@@ -87,7 +135,7 @@ async fn append(
     before: &Link,
     event: &Event,
 ) -> Result<(), StoreError> {
-    let SessionHead { session_id, created_us, state, summary, link } = head;
+    let SessionHead { session_id, created_us, state, summary, link, new_labels } = head;
     let updated = sqlx::query(
         "update sessions set state = $1, head = $2, summary = $3, link = $4, seal = $5
          where session_id = $6 and created_us = $7 and head = $2 - 1 and link = $8 and damage is null",
@@ -105,12 +153,20 @@ async fn append(
     if updated.rows_affected() != 1 {
         return Err(StoreError::Conflict);
     }
-    insert_event(connection, head, event).await
+    if let Some(labels) = new_labels {
+        sqlx::query("delete from session_labels where session_id = $1")
+            .bind(session_id)
+            .execute(&mut *connection)
+            .await?;
+        label(connection, session_id, labels).await?;
+    }
+    insert_event(connection, session_id, link, event).await
 }
 
 async fn insert_event(
     connection: &mut SqliteConnection,
-    head: &SessionHead,
+    session_id: &str,
+    link: &Link,
     event: &Event,
 ) -> Result<(), StoreError> {
     let Event {
@@ -131,7 +187,7 @@ async fn insert_event(
                              stats_after, algorithm_version, append_us, actor, link)
          values ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13)",
     )
-    .bind(&head.session_id)
+    .bind(session_id)
     .bind(seq)
     .bind(request_id)
     .bind(request_digest)
@@ -143,7 +199,7 @@ async fn insert_event(
     .bind(algorithm_version)
     .bind(append_us)
     .bind(actor)
-    .bind(head.link.as_slice())
+    .bind(link.as_slice())
     .execute(connection)
     .await?;
     Ok(())

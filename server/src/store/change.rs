@@ -1,9 +1,10 @@
-//! What can be written to the log: sessions, events, deletions, and what is known of damage.
+//! What can be written: sessions, events, deletions, what is known of damage, and reference meshes beside the log.
 
 use std::collections::BTreeMap;
 
 use super::event::Event;
 use super::link::Link;
+use super::references::{NewErrors, NewReference};
 
 /// A session as it is created.
 #[derive(Debug)]
@@ -11,6 +12,18 @@ pub(crate) struct NewSession {
     pub(crate) head: SessionHead,
     pub(crate) experiment: String,
     pub(crate) labels: BTreeMap<String, String>,
+    /// The request that made it, where that is not the one of its first event.
+    pub(crate) imported_by: Option<Import>,
+    /// The session whose reference mesh it keeps, too.
+    pub(crate) reference_of: Option<String>,
+}
+
+/// The request that brought a session from elsewhere, with what it was answered.
+#[derive(Debug)]
+pub(crate) struct Import {
+    pub(crate) request_id: String,
+    pub(crate) request_digest: Vec<u8>,
+    pub(crate) reply: Vec<u8>,
 }
 
 /// What `sessions` says of a session after an event.
@@ -23,6 +36,8 @@ pub(crate) struct SessionHead {
     pub(crate) summary: Vec<u8>,
     /// The link of the event.
     pub(crate) link: Link,
+    /// All labels, where the event changed them.
+    pub(crate) new_labels: Option<BTreeMap<String, String>>,
 }
 
 /// A session to remove.
@@ -48,7 +63,8 @@ pub(crate) struct Damage {
 /// One change of the log.
 #[derive(Debug)]
 pub(super) enum Change {
-    Create(Box<(NewSession, Event)>),
+    /// With its first events, which are one where it is not copied from another session.
+    Create(Box<(NewSession, Vec<Event>)>),
     /// Goes after the event with this link.
     Append(Box<(SessionHead, Link, Event)>),
     Delete(Deletion),
@@ -56,16 +72,32 @@ pub(super) enum Change {
     SetAside(Damage),
     /// The session is sound after all.
     Restore(String),
+    KeepReference(Box<NewReference>),
+    /// That of this session.
+    ForgetReference(String),
+    NoteErrors(NewErrors),
     /// Nothing but a check that something can be written.
     Check,
 }
 
 impl Change {
-    /// Whether the log grows by an event.
-    pub(super) fn appends(&self) -> bool {
+    /// By how many events the log grows.
+    pub(super) fn appended(&self) -> i64 {
         match self {
-            Self::Create(_) | Self::Append(_) => true,
-            Self::Delete(_) | Self::SetAside(_) | Self::Restore(_) | Self::Check => false,
+            Self::Create(new) => new.1.len() as i64,
+            Self::Append(_) => 1,
+            Self::Delete(_)
+            | Self::SetAside(_)
+            | Self::Restore(_)
+            | Self::KeepReference(_)
+            | Self::ForgetReference(_)
+            | Self::NoteErrors(_)
+            | Self::Check => 0,
         }
+    }
+
+    /// Whether the database holds more after it.
+    pub(super) fn grows(&self) -> bool {
+        self.appended() > 0 || matches!(self, Self::KeepReference(_) | Self::NoteErrors(_))
     }
 }

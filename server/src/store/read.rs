@@ -79,6 +79,15 @@ impl EventRow {
     }
 }
 
+/// The request that made a session.
+#[derive(Clone, Debug, FromRow)]
+pub(crate) struct FirstRequest {
+    pub(crate) session_id: String,
+    /// Nothing where the session's own first event has it.
+    pub(crate) request_digest: Option<Vec<u8>>,
+    pub(crate) reply: Option<Vec<u8>>,
+}
+
 /// Which sessions to list; all that is given must match.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Filter {
@@ -94,6 +103,18 @@ pub(crate) enum StateFilter {
     SetAside,
     /// All others in this state.
     Is(i32),
+}
+
+/// The sessions of an experiment that are in the same state.
+#[derive(Clone, Debug, FromRow)]
+pub(crate) struct ExperimentPart {
+    pub(crate) experiment: String,
+    pub(crate) state: i32,
+    /// Whether they are set aside.
+    pub(crate) is_damaged: bool,
+    pub(crate) sessions: u32,
+    pub(crate) first_us: i64,
+    pub(crate) last_us: i64,
 }
 
 /// The last session of a page.
@@ -132,6 +153,26 @@ impl Store {
     /// How many sessions there are.
     pub(crate) async fn session_count(&self) -> Result<i64, StoreError> {
         Ok(sqlx::query_scalar("select count(*) from sessions").fetch_one(&self.readers).await?)
+    }
+
+    /// Up to `count` experiments after the one called `after`, by name, each in as many parts as its sessions have
+    /// states.
+    pub(crate) async fn experiments(
+        &self,
+        after: Option<&str>,
+        count: i64,
+    ) -> Result<Vec<ExperimentPart>, StoreError> {
+        let query = sqlx::query_as(
+            "select experiment, state, damage is not null as is_damaged, count(*) as sessions,
+                 min(created_us) as first_us, max(created_us) as last_us
+             from sessions
+             where experiment in (
+                 select distinct experiment from sessions where $1 is null or experiment > $1
+                 order by experiment limit $2
+             )
+             group by experiment, state, damage is not null order by experiment",
+        );
+        Ok(query.bind(after).bind(count).fetch_all(&self.readers).await?)
     }
 
     /// Up to `count` sessions after `after`, newest first.
@@ -304,10 +345,28 @@ impl Store {
         Ok(Err(damage))
     }
 
-    /// The session that a creation made under this request id, if there was one; it may be deleted by now.
-    pub(crate) async fn created_by(&self, request_id: &str) -> Result<Option<String>, StoreError> {
-        let query = sqlx::query_scalar("select session_id from creations where request_id = $1");
+    /// What a creation under this request id made, if there was one; the session may be deleted by now.
+    pub(crate) async fn created_by(&self, request_id: &str) -> Result<Option<FirstRequest>, StoreError> {
+        let query =
+            sqlx::query_as("select session_id, request_digest, reply from creations where request_id = $1");
         Ok(query.bind(request_id).fetch_optional(&self.readers).await?)
+    }
+
+    /// The events of one kind up to the event `to`, oldest first. What they say is to be checked with the log that they
+    /// are of.
+    pub(crate) async fn of_kind(
+        &self,
+        session_id: &str,
+        kind: &'static str,
+        to: i64,
+    ) -> Result<Vec<Event>, StoreError> {
+        let mut query = QueryBuilder::<Sqlite>::new("select ");
+        query.push(EVENT_COLUMNS).push(" where e.session_id = ").push_bind(session_id);
+        // Written out, so that an index of the events of this kind can be used.
+        query.push(" and e.kind = '").push(kind).push("' and e.seq <= ").push_bind(to);
+        query.push(" order by e.seq");
+        let rows: Vec<EventRow> = query.build_query_as().fetch_all(&self.readers).await?;
+        Ok(rows.into_iter().map(|row| row.event).collect())
     }
 
     /// The digest of the request that deleted the session under this request id, if there was one.

@@ -13,7 +13,7 @@ fn path(folder: &tempfile::TempDir) -> std::path::PathBuf {
 impl Store {
     /// Creates a session with its first event.
     async fn begin(&self, session_id: &str, first: Event) -> Result<(), StoreError> {
-        self.create(session(session_id, &first), first).await
+        self.create(session(session_id, &first), vec![first]).await
     }
 
     /// Appends an event after the newest one.
@@ -26,12 +26,13 @@ impl Store {
 
 fn head(session_id: &str, event: &Event, before: &Link) -> SessionHead {
     let (session_id, summary, link) = (session_id.into(), b"summary".to_vec(), event.link(before));
-    SessionHead { session_id, created_us: 7, state: 1, summary, link }
+    SessionHead { session_id, created_us: 7, state: 1, summary, link, new_labels: None }
 }
 
 fn session(session_id: &str, first: &Event) -> NewSession {
     let labels = [("object".to_owned(), session_id.to_owned())].into();
-    NewSession { head: head(session_id, first, &first_link(session_id)), experiment: "bench".into(), labels }
+    let head = head(session_id, first, &first_link(session_id));
+    NewSession { head, experiment: "bench".into(), labels, imported_by: None, reference_of: None }
 }
 
 fn event(seq: i64, request_id: &str) -> Event {
@@ -172,7 +173,7 @@ async fn lists_are_filtered_and_paged_newest_first() {
         let first = event(1, id);
         let mut new = session(id, &first);
         new.head.created_us = created_us;
-        store.create(new, first).await.unwrap();
+        store.create(new, vec![first]).await.unwrap();
     }
     let ids = |rows: &[SessionRow]| rows.iter().map(|row| row.session_id.clone()).collect::<Vec<_>>();
     let all =
@@ -192,7 +193,7 @@ async fn a_request_id_creates_one_session_which_is_found_by_it() {
     let store = open(&folder).await;
     store.begin("one", event(1, "a")).await.unwrap();
     assert!(matches!(store.begin("two", event(1, "a")).await, Err(StoreError::Conflict)));
-    assert_eq!(store.created_by("a").await.unwrap().as_deref(), Some("one"));
+    assert_eq!(store.created_by("a").await.unwrap().unwrap().session_id, "one");
     assert!(store.session("two").await.unwrap().is_none(), "the losing creation left nothing behind");
     store.check_writable().await.unwrap();
     store.close().await;

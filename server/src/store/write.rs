@@ -125,7 +125,7 @@ impl Writer {
         let is_over = self.measured.is_some_and(|(_, bytes)| bytes >= self.most_bytes);
         let mut outcomes = Vec::with_capacity(jobs.len());
         for job in jobs {
-            if is_over && job.change.appends() {
+            if is_over && job.change.grows() {
                 outcomes.push(Err(StoreError::TooLarge { most_bytes: self.most_bytes }));
                 continue;
             }
@@ -168,8 +168,8 @@ impl Writer {
 
 /// How many events were added to the log.
 fn appended(jobs: &[Job], outcomes: &[Result<(), StoreError>]) -> i64 {
-    let added = jobs.iter().zip(outcomes).filter(|(job, outcome)| job.change.appends() && outcome.is_ok());
-    added.count() as i64
+    let committed = jobs.iter().zip(outcomes).filter(|(_, outcome)| outcome.is_ok());
+    committed.map(|(job, _)| job.change.appended()).sum()
 }
 
 /// Waits for changes; 0 when there will be no more.

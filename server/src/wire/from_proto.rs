@@ -7,6 +7,7 @@ mod depth;
 mod geometry;
 mod lease;
 mod prior;
+mod reference;
 mod robot;
 mod size;
 
@@ -18,9 +19,10 @@ use crate::limits::{Limits, SESSION_ID_BYTES};
 use crate::text::{is_forbidden_in_names, quoted};
 
 pub(crate) use contact::{Reported, reported, sent_report};
-pub(crate) use definition::{check_labels, check_session_id, definition};
+pub(crate) use definition::{check_labels, check_session_id, definition, fork};
 pub(crate) use lease::{lease_duration, leases};
 pub(crate) use prior::{Prior, is_readable, sent_prior, visual_prior};
+pub(crate) use reference::{ReferenceFile, ReferenceNames, reference_file, reference_mesh};
 pub(crate) use robot::exploration_request;
 pub(crate) use size::check_size;
 

@@ -33,6 +33,12 @@ pub(crate) fn timestamp(us: i64) -> Timestamp {
     Timestamp { seconds: us.div_euclid(1_000_000), nanos }
 }
 
+/// A length of time in microseconds, which is not negative.
+pub(crate) fn duration(us: i64) -> Duration {
+    let Timestamp { seconds, nanos } = timestamp(us);
+    Duration { seconds, nanos }
+}
+
 /// A plane as a half space, the allowed side being that of its normal.
 pub(crate) fn half_space(plane: &Plane) -> v1::HalfSpace {
     v1::HalfSpace { normal: Some(vector(plane.normal())), offset_m: plane.offset_m() }
@@ -122,8 +128,11 @@ pub(crate) fn session(snapshot: &Snapshot) -> v1::Session {
         sensors: _,
         keep_out: _,
         plausible_size: _,
+        shadow: _,
+        ancestors,
         created_us,
     } = &*snapshot.definition;
+    let origin = ancestors.first();
     v1::Session {
         session_id: session_id.clone(),
         display_name: display_name.clone(),
@@ -141,17 +150,20 @@ pub(crate) fn session(snapshot: &Snapshot) -> v1::Session {
         etag: snapshot.etag(),
         stats: Some(stats(snapshot)),
         create_time: Some(timestamp(*created_us)),
-        update_time: Some(timestamp(snapshot.updated_us)),
-        forked_from: String::new(),
-        forked_at_revision: 0,
+        // The events of a fork keep the times at which they happened in the session that it was forked from.
+        update_time: Some(timestamp(snapshot.updated_us.max(*created_us))),
+        forked_from: origin.map(|origin| origin.session_id.clone()).unwrap_or_default(),
+        forked_at_revision: origin.map_or(0, |origin| origin.revision),
         algorithm_version: ALGORITHM_VERSION.to_owned(),
         should_stop: stop_reason(snapshot.should_stop).into(),
+        finish_note: snapshot.finish_note.clone(),
+        retracted_seqs: snapshot.retracted.clone(),
     }
 }
 
 /// The configuration with every default written out, so that it means the same in a later version.
 pub(crate) fn session_config(definition: &Definition) -> v1::SessionConfig {
-    let Definition { config, sensors, keep_out, plausible_size, .. } = definition;
+    let Definition { config, sensors, keep_out, plausible_size, shadow, .. } = definition;
     let PlausibleSize { min_m, max_m, refuse_above_m } = *plausible_size;
     let Settings {
         method: used_method,
@@ -210,7 +222,22 @@ pub(crate) fn session_config(definition: &Definition) -> v1::SessionConfig {
             max_m: Some(max_m),
             refuse_above_m: Some(refuse_above_m),
         }),
+        shadow: shadow.iter().map(|&shadow| strategy(shadow).into()).collect(),
     }
+}
+
+/// What the session's own strategy and its shadows would touch next; nothing without shadows or without an estimate.
+pub(crate) fn shadow_choices(snapshot: &Snapshot) -> Vec<v1::ShadowChoice> {
+    let Definition { shadow, config, .. } = &*snapshot.definition;
+    if shadow.is_empty() || snapshot.reconstruction.last_estimate().is_none() {
+        return Vec::new();
+    }
+    let choice = |&chosen: &Strategy| v1::ShadowChoice {
+        strategy: strategy(chosen).into(),
+        candidate: snapshot.choice_of(chosen).and_then(|found| candidates(snapshot, &[found]).pop()),
+        hindsight: v1::Hindsight::Unspecified.into(),
+    };
+    std::iter::once(&config.strategy).chain(shadow).map(choice).collect()
 }
 
 fn region(keep_out: &KeepOut) -> v1::KeepOut {
@@ -276,6 +303,7 @@ pub(crate) fn state(state: SessionState) -> v1::SessionState {
     match state {
         SessionState::AwaitingPrior => v1::SessionState::AwaitingPrior,
         SessionState::Active => v1::SessionState::Active,
+        SessionState::Finished => v1::SessionState::Finished,
         SessionState::Quarantined => v1::SessionState::Quarantined,
     }
 }
@@ -308,6 +336,8 @@ pub(crate) fn stats(snapshot: &Snapshot) -> v1::SessionStats {
         max_uncertainty,
         fit_rms_m,
         template,
+        mean_std_m,
+        max_std_m,
     } = stats;
     v1::SessionStats {
         visual_points,
@@ -343,6 +373,8 @@ pub(crate) fn stats(snapshot: &Snapshot) -> v1::SessionStats {
             std_m: found.std_m,
             followed: found.is_followed,
         }),
+        mean_std_m,
+        max_std_m,
     }
 }
 

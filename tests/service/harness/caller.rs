@@ -5,10 +5,11 @@ use palpate_proto::v1::exploration_service_client::ExplorationServiceClient;
 use palpate_proto::v1::reconstruction_service_client::ReconstructionServiceClient;
 use palpate_proto::v1::session_service_client::SessionServiceClient;
 use reqwest::Method;
+use sha2::{Digest, Sha256};
 use tonic::transport::Channel;
 use tonic::{Response, Status};
 
-use super::http::{accepted, answered, to_json};
+use super::http::{accepted, answered, from_json, to_json};
 use super::{Http, Outcome, Refused, soon};
 
 /// Larger than any message that a test sends on purpose.
@@ -145,6 +146,231 @@ impl Caller {
                 answered(self.http.post(&path(&request.session_id, "/contacts"), &to_json(&request))).await
             }
         }
+    }
+
+    pub(crate) async fn update(&self, request: v1::UpdateSessionRequest) -> Outcome<v1::Session> {
+        if self.transport == Transport::Grpc {
+            return reply(self.sessions().update_session(request)).await;
+        }
+        let session = request.session.clone().unwrap_or_default();
+        let mut body = serde_json::Map::new();
+        let all = to_json(&session);
+        for name in request.update_mask.iter().flat_map(|mask| &mask.paths) {
+            body.insert(name.clone(), all.get(name).cloned().unwrap_or_default());
+        }
+        let mut call = self.http.request(Method::PATCH, &path(&session.session_id, "")).json(&body);
+        if !session.etag.is_empty() {
+            call = call.header("if-match", format!("\"{}\"", session.etag));
+        }
+        if !request.request_id.is_empty() {
+            call = call.header("idempotency-key", request.request_id);
+        }
+        answered(call).await
+    }
+
+    pub(crate) async fn finish(&self, request: v1::FinishSessionRequest) -> Outcome<v1::Session> {
+        match self.transport {
+            Transport::Grpc => reply(self.sessions().finish_session(request)).await,
+            Transport::Http => {
+                answered(self.http.post(&path(&request.session_id, "/finish"), &to_json(&request))).await
+            }
+        }
+    }
+
+    pub(crate) async fn fork(&self, request: v1::ForkSessionRequest) -> Outcome<v1::Session> {
+        match self.transport {
+            Transport::Grpc => reply(self.sessions().fork_session(request)).await,
+            Transport::Http => {
+                answered(self.http.post(&path(&request.session_id, "/fork"), &to_json(&request))).await
+            }
+        }
+    }
+
+    pub(crate) async fn retract(&self, request: v1::RetractEventRequest) -> Outcome<v1::Session> {
+        match self.transport {
+            Transport::Grpc => reply(self.exploration().retract_event(request)).await,
+            Transport::Http => {
+                let rest = format!("/events/{}/retract", request.seq);
+                answered(self.http.post(&path(&request.session_id, &rest), &to_json(&request))).await
+            }
+        }
+    }
+
+    /// All steps of a replay.
+    pub(crate) async fn replay(
+        &self,
+        request: v1::ReplaySessionRequest,
+    ) -> Outcome<Vec<v1::WatchSessionResponse>> {
+        if self.transport == Transport::Grpc {
+            let mut steps = reply(self.reconstruction().replay_session(request)).await?;
+            let mut all = Vec::new();
+            while let Some(step) =
+                soon("a step", steps.message()).await.map_err(|s| Refused::from_status(&s))?
+            {
+                all.push(step);
+            }
+            return Ok(all);
+        }
+        let v1::ReplaySessionRequest { session_id, from_revision, to_revision, include_mesh, verify } =
+            request;
+        let query = format!(
+            "/replay?from_revision={from_revision}&to_revision={to_revision}&include_mesh={include_mesh}&verify={verify}"
+        );
+        let response = accepted(self.http.get(&path(&session_id, &query))).await?;
+        let text = soon("all steps", response.text()).await.unwrap();
+        Ok(text.lines().map(from_json).collect())
+    }
+
+    /// A session as a file, up to a revision.
+    pub(crate) async fn export(
+        &self,
+        session_id: &str,
+        format: v1::ArchiveFormat,
+        revision: i64,
+    ) -> Outcome<Vec<u8>> {
+        if self.transport == Transport::Http {
+            let format = format.as_str_name().trim_start_matches("ARCHIVE_FORMAT_").to_lowercase();
+            let query = format!("/export?format={format}&revision={revision}");
+            let response = accepted(self.http.get(&path(session_id, &query))).await?;
+            return Ok(soon("a file", response.bytes()).await.unwrap().into());
+        }
+        let request =
+            v1::ExportSessionRequest { session_id: session_id.into(), revision, format: format.into() };
+        let mut chunks = reply(self.sessions().export_session(request)).await?;
+        let (mut file, mut sha256) = (Vec::new(), String::new());
+        while let Some(chunk) =
+            soon("a chunk", chunks.message()).await.map_err(|s| Refused::from_status(&s))?
+        {
+            assert!(sha256.is_empty(), "the digest comes last");
+            file.extend_from_slice(&chunk.data);
+            sha256 = chunk.sha256;
+        }
+        let digest = Sha256::digest(&file);
+        assert_eq!(sha256, digest.iter().map(|byte| format!("{byte:02x}")).collect::<String>());
+        Ok(file)
+    }
+
+    /// A session from a bundle, which is sent in pieces.
+    pub(crate) async fn import(
+        &self,
+        header: v1::CreateSessionRequest,
+        bundle: &[u8],
+    ) -> Outcome<v1::Session> {
+        if self.transport == Transport::Http {
+            let mut query = Vec::new();
+            for (name, value) in [
+                ("session_id", &header.session_id),
+                ("display_name", &header.display_name),
+                ("experiment", &header.experiment),
+            ] {
+                if !value.is_empty() {
+                    query.push(format!("{name}={value}"));
+                }
+            }
+            let path = format!("/v1/imports?{}", query.join("&"));
+            let call = self.http.request(Method::POST, &path).header("content-type", "application/x-tar");
+            let call = match header.request_id.as_str() {
+                "" => call,
+                id => call.header("idempotency-key", id),
+            };
+            return answered(call.body(bundle.to_vec())).await;
+        }
+        let part = |part| v1::ImportSessionRequest { part: Some(part) };
+        let header = part(v1::import_session_request::Part::Header(header));
+        let pieces = bundle.chunks(10_000).map(|piece| piece.to_vec().into());
+        let pieces = pieces.map(|data| part(v1::import_session_request::Part::Data(data)));
+        let parts: Vec<_> = std::iter::once(header).chain(pieces).collect();
+        reply(self.sessions().import_session(tokio_stream::iter(parts))).await
+    }
+
+    /// Over HTTP the request as JSON; files are tried where they are promised.
+    pub(crate) async fn evaluate(
+        &self,
+        request: v1::EvaluateSessionRequest,
+    ) -> Outcome<v1::EvaluateSessionResponse> {
+        match self.transport {
+            Transport::Grpc => reply(self.reconstruction().evaluate_session(request)).await,
+            Transport::Http => {
+                answered(self.http.post(&path(&request.session_id, "/evaluate"), &to_json(&request))).await
+            }
+        }
+    }
+
+    pub(crate) async fn set_reference(&self, request: v1::SetReferenceRequest) -> Outcome<v1::Reference> {
+        if self.transport == Transport::Grpc {
+            return reply(self.reconstruction().set_reference(request)).await;
+        }
+        let media_type = match request.format() {
+            v1::MeshFormat::Ply => "model/ply",
+            v1::MeshFormat::Stl => "model/stl",
+            v1::MeshFormat::Obj => "model/obj",
+            _ => "application/octet-stream",
+        };
+        let rest = format!("/reference?metres_per_unit={}", request.metres_per_unit);
+        let call = self.http.request(Method::PUT, &path(&request.session_id, &rest));
+        answered(call.header("content-type", media_type).body(request.mesh)).await
+    }
+
+    /// With its file, which HTTP sends apart from what is known of it.
+    pub(crate) async fn reference(&self, session_id: &str) -> Outcome<v1::Reference> {
+        if self.transport == Transport::Grpc {
+            let request = v1::GetReferenceRequest { session_id: session_id.into(), without_mesh: false };
+            return reply(self.reconstruction().get_reference(request)).await;
+        }
+        let call = || self.http.get(&path(session_id, "/reference"));
+        let known: v1::Reference = answered(call().header("accept", "application/json")).await?;
+        let file = accepted(call()).await?;
+        assert_eq!(super::header(&file, "etag"), format!("\"{}\"", known.sha256));
+        Ok(v1::Reference { mesh: file.bytes().await.unwrap(), ..known })
+    }
+
+    pub(crate) async fn delete_reference(&self, session_id: &str) -> Outcome<()> {
+        if self.transport == Transport::Grpc {
+            let request = v1::DeleteReferenceRequest { session_id: session_id.into() };
+            return reply(self.reconstruction().delete_reference(request)).await.map(|_| ());
+        }
+        let call = self.http.request(Method::DELETE, &path(session_id, "/reference"));
+        assert_eq!(accepted(call).await?.status(), 204);
+        Ok(())
+    }
+
+    pub(crate) async fn series(&self, request: v1::GetSeriesRequest) -> Outcome<v1::GetSeriesResponse> {
+        if self.transport == Transport::Grpc {
+            return reply(self.reconstruction().get_series(request)).await;
+        }
+        let v1::GetSeriesRequest { session_id, after_revision, without_shadow } = request;
+        let query = format!("/series?after_revision={after_revision}&without_shadow={without_shadow}");
+        answered(self.http.get(&path(&session_id, &query))).await
+    }
+
+    pub(crate) async fn experiments(
+        &self,
+        request: v1::ListExperimentsRequest,
+    ) -> Outcome<v1::ListExperimentsResponse> {
+        if self.transport == Transport::Grpc {
+            return reply(self.sessions().list_experiments(request)).await;
+        }
+        let v1::ListExperimentsRequest { page_size, page_token } = request;
+        answered(self.http.get(&format!("/v1/experiments?page_size={page_size}&page_token={page_token}")))
+            .await
+    }
+
+    pub(crate) async fn summarize(
+        &self,
+        request: v1::SummarizeExperimentRequest,
+    ) -> Outcome<v1::ExperimentSummary> {
+        if self.transport == Transport::Grpc {
+            return reply(self.sessions().summarize_experiment(request)).await;
+        }
+        let v1::SummarizeExperimentRequest { experiment, by, labels } = request;
+        let mut query = vec![format!("by={}", by.join(","))];
+        if !labels.is_empty() {
+            let labels: Vec<_> = labels.iter().map(|(key, value)| format!("{key}:{value}")).collect();
+            query.push(format!("labels={}", labels.join(",")));
+        }
+        // Names are free, and a path is not.
+        let name: String = experiment.bytes().map(|byte| format!("%{byte:02X}")).collect();
+        answered(self.http.get(&format!("/v1/experiments/{name}/summary?{}", query.join("&")))).await
     }
 
     /// A page of events.

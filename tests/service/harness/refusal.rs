@@ -74,7 +74,10 @@ fn statuses(reason: &str) -> (Code, u16) {
         "SESSION_EXISTS" | "REQUEST_ID_REUSED" => (Code::AlreadyExists, 409),
         "REVISION_MISMATCH" => (Code::Aborted, 409),
         "ETAG_MISMATCH" => (Code::Aborted, 412),
-        "NO_VISUAL_PRIOR" | "SESSION_FULL" | "SESSION_QUARANTINED" => (Code::FailedPrecondition, 409),
+        "NO_VISUAL_PRIOR" | "NO_REFERENCE" | "SESSION_FINISHED" | "SESSION_FULL" | "SESSION_QUARANTINED" => {
+            (Code::FailedPrecondition, 409)
+        }
+        "ETAG_MISSING" => (Code::FailedPrecondition, 428),
         "QUOTA" | "QUEUE_FULL" => (Code::ResourceExhausted, 429),
         "TOO_LARGE" => (Code::ResourceExhausted, 413),
         "OVERLOADED" => (Code::ResourceExhausted, 503),
@@ -85,7 +88,6 @@ fn statuses(reason: &str) -> (Code, u16) {
         "STORE_FULL" => (Code::ResourceExhausted, 507),
         "DRAINING" => (Code::Unavailable, 503),
         "STORE_DOWN" => (Code::Unavailable, 503),
-        "UNIMPLEMENTED" => (Code::Unimplemented, 501),
         // These can happen over HTTP only.
         "UNPARSABLE" => (Code::Unknown, 400),
         "NO_SUCH_PATH" => (Code::Unknown, 404),

@@ -42,6 +42,7 @@ pub(super) fn config(config: &v1::SessionConfig, limits: &Limits) -> Result<(Con
         support: ref support_plane,
         on_motion: wanted_on_motion,
         plausible_size: _,
+        shadow: _,
     } = config;
     let default = Settings::default();
     let method = method(wanted_method)?;
@@ -109,6 +110,30 @@ fn stop(rule: Option<&v1::StopRule>, method: Method) -> StopRule {
             .filter(|below| *below != 0.0),
         max_consecutive_failures,
     }
+}
+
+/// The strategies that are asked beside the session's own.
+///
+/// # Errors
+/// Too many, one that is named twice, or one that the method refuses.
+pub(super) fn shadow(values: &[i32], config: &Config, limits: &Limits) -> Result<Vec<Strategy>, Error> {
+    if values.len() > limits.shadow {
+        let description = format!("{} strategies are more than the limit of {}", values.len(), limits.shadow);
+        return Err(Error::field("config.shadow", description));
+    }
+    let mut shadow = Vec::new();
+    for (index, &value) in values.iter().enumerate() {
+        let field = format!("config.shadow[{index}]");
+        let named = strategy(value).ok().flatten();
+        let named = named.ok_or_else(|| Error::field(&field, format!("{value} is no strategy")))?;
+        if named == config.strategy || shadow.contains(&named) {
+            let description = "is asked already: name each strategy once, and not the session's own";
+            return Err(Error::field(field, description));
+        }
+        config.with_strategy(named).map_err(|refusal| Error::field(field, refusal.reason))?;
+        shadow.push(named);
+    }
+    Ok(shadow)
 }
 
 fn symmetry(value: i32) -> Result<Option<DeclaredSymmetry>, Error> {

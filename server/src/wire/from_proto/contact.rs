@@ -95,7 +95,7 @@ fn target(id: &str, definition: &Definition, head: i64) -> Result<(Option<Target
             "was not made by this service: echo Candidate.candidate_id as it came",
         ));
     };
-    if id.session.is_some_and(|session| session != definition.tag()) {
+    if id.session.is_some_and(|tag| !definition.knows(tag, id.revision)) {
         let message = "candidate_id: proposed in another session, so the result counts as one that the robot chose \
                        itself: send it to the session that proposed it";
         return Ok((None, vec![Warning::new(WarningKind::CandidateOfAnotherSession, message)]));

@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 
 use palpate_proto::v1;
 
-use super::check_name;
-use super::config::config;
+use super::config::{config, shadow};
 use super::robot::keep_out_regions;
 use super::size::plausible_size;
+use super::{check_name, required};
 use crate::error::Error;
 use crate::limits::{Limits, SESSION_ID_BYTES};
-use crate::session::Definition;
+use crate::session::{Ancestor, Definition};
 use crate::text::quoted;
 
 /// The frame of a session that names none, as robot drivers call the robot's foot.
@@ -43,6 +43,7 @@ pub(crate) fn definition(
     let (config, sensors) = config(&wanted_config, limits)?;
     let keep_out = keep_out_regions("config.keep_out", &wanted_config.keep_out, limits)?;
     let plausible_size = plausible_size("config.plausible_size", wanted_config.plausible_size.as_ref())?;
+    let shadow = shadow(&wanted_config.shadow, &config, limits)?;
     let frame_id = if frame_id.is_empty() { DEFAULT_FRAME } else { frame_id };
     Ok(Definition {
         session_id: session_id.clone(),
@@ -54,8 +55,24 @@ pub(crate) fn definition(
         sensors,
         keep_out,
         plausible_size,
+        shadow,
+        ancestors: Vec::new(),
         created_us,
     })
+}
+
+/// The definition of a fork, as its first event has it.
+///
+/// # Errors
+/// It has none, or one that cannot be used.
+pub(crate) fn fork(forked: &v1::Forked, created_us: i64, limits: &Limits) -> Result<Definition, Error> {
+    let v1::Forked { definition: request, ancestors } = forked;
+    let definition = definition(required("definition", request.as_ref())?, created_us, limits)?;
+    let ancestor = |v1::Ancestor { session_id, revision }: &v1::Ancestor| Ancestor {
+        session_id: session_id.clone(),
+        revision: *revision,
+    };
+    Ok(Definition { ancestors: ancestors.iter().map(ancestor).collect(), ..definition })
 }
 
 /// # Errors

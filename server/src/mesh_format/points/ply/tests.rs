@@ -1,7 +1,7 @@
 //! What programs write as PLY, and what is none.
 
 use super::*;
-use crate::mesh_format::tests::tetrahedron;
+use crate::mesh_format::tests::{REMARK, tetrahedron};
 use crate::mesh_format::{FileFormat, write_file};
 
 const XYZ: &str = "property float x\nproperty float y\nproperty float z\n";
@@ -17,7 +17,7 @@ fn reason(bytes: impl AsRef<[u8]>) -> String {
 #[test]
 fn a_written_surface_is_read_back_as_its_vertices() {
     let surface = tetrahedron();
-    let points = read(&write_file(FileFormat::Ply, &surface, 1)).unwrap();
+    let points = read(&write_file(FileFormat::Ply, &surface, &REMARK)).unwrap();
     assert_eq!(points.len(), 4);
     for (point, vertex) in points.iter().zip(&surface.mesh.vertices) {
         assert!((point - vertex).norm() < 1e-8);
@@ -91,7 +91,7 @@ fn a_list_that_promises_more_than_there_is_is_refused() {
 
 #[test]
 fn every_truncation_and_every_flipped_byte_gives_an_answer() {
-    let file = write_file(FileFormat::Ply, &tetrahedron(), 1);
+    let file = write_file(FileFormat::Ply, &tetrahedron(), &REMARK);
     let vertices_end = file.len() - 4 * 13;
     for length in 0..file.len() {
         assert_eq!(read(&file[..length]).is_ok(), length >= vertices_end, "cut to {length} bytes");

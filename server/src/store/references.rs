@@ -1,0 +1,184 @@
+//! Reference meshes that sessions keep, and the errors against them: beside the log, and no part of it.
+
+use std::collections::BTreeMap;
+
+use sqlx::{FromRow, SqliteConnection};
+
+use super::change::Change;
+use super::{Store, StoreError};
+
+/// How a file of a reference mesh is to be read, and which one it is: two that agree in all of it are the same surface.
+#[derive(Clone, Debug, PartialEq, FromRow)]
+pub(crate) struct ReferenceKey {
+    /// Of the bytes.
+    pub(crate) sha256: Vec<u8>,
+    /// How the bytes are to be read.
+    pub(crate) format: i32,
+    pub(crate) metres_per_unit: f64,
+}
+
+/// A reference mesh that a session keeps.
+#[derive(Clone, Debug, FromRow)]
+pub(crate) struct KeptReference {
+    #[sqlx(flatten)]
+    pub(crate) key: ReferenceKey,
+    pub(crate) n_vertices: u32,
+    pub(crate) n_faces: u32,
+}
+
+/// A reference mesh to keep with a session, in place of an earlier one.
+#[derive(Debug)]
+pub(crate) struct NewReference {
+    pub(crate) session_id: String,
+    /// Tells the session from an earlier one of the same id.
+    pub(crate) created_us: i64,
+    pub(crate) kept: KeptReference,
+    pub(crate) bytes: Vec<u8>,
+}
+
+/// Errors of some revisions against the reference mesh that a session keeps, if it still keeps that one.
+#[derive(Debug)]
+pub(crate) struct NewErrors {
+    pub(crate) session_id: String,
+    /// Tells the session from an earlier one of the same id.
+    pub(crate) created_us: i64,
+    pub(crate) reference: ReferenceKey,
+    pub(crate) algorithm_version: &'static str,
+    /// Each with its revision.
+    pub(crate) errors: Vec<(i64, SurfaceError)>,
+}
+
+/// Distance of an estimate from the reference, in metres; nothing where it cannot be compared.
+pub(crate) type SurfaceError = Option<f64>;
+
+impl Store {
+    /// The reference mesh that a session keeps, but for its bytes.
+    pub(crate) async fn reference(&self, session_id: &str) -> Result<Option<KeptReference>, StoreError> {
+        let query = sqlx::query_as(
+            "select sha256, format, metres_per_unit, n_vertices, n_faces from session_references
+             where session_id = $1",
+        );
+        Ok(query.bind(session_id).fetch_optional(&self.readers).await?)
+    }
+
+    /// The bytes of a reference mesh; nothing where no session keeps it any more.
+    pub(crate) async fn reference_file(&self, sha256: &[u8]) -> Result<Option<Vec<u8>>, StoreError> {
+        let query = sqlx::query_scalar("select bytes from reference_files where sha256 = $1");
+        Ok(query.bind(sha256).fetch_optional(&self.readers).await?)
+    }
+
+    /// The errors that are known, by their revision.
+    pub(crate) async fn surface_errors(
+        &self,
+        session_id: &str,
+        algorithm_version: &str,
+    ) -> Result<BTreeMap<i64, SurfaceError>, StoreError> {
+        let query = sqlx::query_as(
+            "select seq, surface_distance_m from reference_errors
+             where session_id = $1 and algorithm_version = $2",
+        );
+        let rows: Vec<(i64, SurfaceError)> =
+            query.bind(session_id).bind(algorithm_version).fetch_all(&self.readers).await?;
+        Ok(rows.into_iter().collect())
+    }
+
+    /// Keeps a reference mesh with a session.
+    ///
+    /// # Errors
+    /// [`StoreError::Conflict`] when the session is gone.
+    pub(crate) async fn keep_reference(&self, reference: NewReference) -> Result<(), StoreError> {
+        self.write(Change::KeepReference(Box::new(reference))).await
+    }
+
+    /// Forgets the reference mesh of a session, if it keeps one.
+    pub(crate) async fn forget_reference(&self, session_id: &str) -> Result<(), StoreError> {
+        self.write(Change::ForgetReference(session_id.to_owned())).await
+    }
+
+    /// Notes errors that were computed.
+    pub(crate) async fn note_errors(&self, errors: NewErrors) -> Result<(), StoreError> {
+        self.write(Change::NoteErrors(errors)).await
+    }
+}
+
+pub(super) async fn keep(connection: &mut SqliteConnection, new: &NewReference) -> Result<(), StoreError> {
+    let NewReference { session_id, created_us, kept, bytes } = new;
+    let KeptReference { key: ReferenceKey { sha256, format, metres_per_unit }, n_vertices, n_faces } = kept;
+    sqlx::query(
+        "insert into reference_files (sha256, bytes) values ($1, $2) on conflict (sha256) do nothing",
+    )
+    .bind(sha256)
+    .bind(bytes)
+    .execute(&mut *connection)
+    .await?;
+    let kept = sqlx::query(
+        "insert into session_references (session_id, sha256, format, metres_per_unit, n_vertices, n_faces)
+         select session_id, $3, $4, $5, $6, $7 from sessions where session_id = $1 and created_us = $2
+         on conflict (session_id) do update set
+             sha256 = excluded.sha256, format = excluded.format, metres_per_unit = excluded.metres_per_unit,
+             n_vertices = excluded.n_vertices, n_faces = excluded.n_faces",
+    )
+    .bind(session_id)
+    .bind(created_us)
+    .bind(sha256)
+    .bind(format)
+    .bind(metres_per_unit)
+    .bind(n_vertices)
+    .bind(n_faces)
+    .execute(connection)
+    .await?;
+    if kept.rows_affected() == 1 { Ok(()) } else { Err(StoreError::Conflict) }
+}
+
+pub(super) async fn forget(connection: &mut SqliteConnection, session_id: &str) -> Result<(), StoreError> {
+    sqlx::query("delete from session_references where session_id = $1")
+        .bind(session_id)
+        .execute(connection)
+        .await?;
+    Ok(())
+}
+
+/// A session that is made of another one keeps the reference mesh that this one keeps: it is of the same object.
+pub(super) async fn keep_that_of(
+    connection: &mut SqliteConnection,
+    session_id: &str,
+    origin: &str,
+) -> Result<(), StoreError> {
+    sqlx::query(
+        "insert into session_references (session_id, sha256, format, metres_per_unit, n_vertices, n_faces)
+         select $1, sha256, format, metres_per_unit, n_vertices, n_faces from session_references
+         where session_id = $2",
+    )
+    .bind(session_id)
+    .bind(origin)
+    .execute(connection)
+    .await?;
+    Ok(())
+}
+
+pub(super) async fn note(connection: &mut SqliteConnection, new: &NewErrors) -> Result<(), StoreError> {
+    let NewErrors { session_id, created_us, reference, algorithm_version, errors } = new;
+    let ReferenceKey { sha256, format, metres_per_unit } = reference;
+    for (seq, error) in errors {
+        // Nothing where the session or its reference is another one by now.
+        sqlx::query(
+            "insert into reference_errors (session_id, seq, algorithm_version, surface_distance_m)
+             select session_id, $1, $2, $3 from session_references join sessions using (session_id)
+             where session_id = $4 and created_us = $5
+                 and sha256 = $6 and format = $7 and metres_per_unit = $8
+             on conflict (session_id, seq) do update set
+                 algorithm_version = excluded.algorithm_version, surface_distance_m = excluded.surface_distance_m",
+        )
+        .bind(seq)
+        .bind(algorithm_version)
+        .bind(error)
+        .bind(session_id)
+        .bind(created_us)
+        .bind(sha256)
+        .bind(format)
+        .bind(metres_per_unit)
+        .execute(&mut *connection)
+        .await?;
+    }
+    Ok(())
+}
