@@ -354,6 +354,10 @@ impl Store {
 
     /// The events of one kind up to the event `to`, oldest first. What they say is to be checked with the log that they
     /// are of.
+    ///
+    /// # Errors
+    /// [`StoreError::Damaged`] when one of the events up to `to` cannot be read; [`StoreError::Down`] when that is the
+    /// disk's fault.
     pub(crate) async fn of_kind(
         &self,
         session_id: &str,
@@ -365,8 +369,28 @@ impl Store {
         // Written out, so that an index of the events of this kind can be used.
         query.push(" and e.kind = '").push(kind).push("' and e.seq <= ").push_bind(to);
         query.push(" order by e.seq");
-        let rows: Vec<EventRow> = query.build_query_as().fetch_all(&self.readers).await?;
-        Ok(rows.into_iter().map(|row| row.event).collect())
+        match query.build_query_as::<EventRow>().fetch_all(&self.readers).await {
+            Ok(rows) => Ok(rows.into_iter().map(|row| row.event).collect()),
+            // The index or one of the events: reading all of them in their order tells which.
+            Err(error) if is_unreadable(&error) => self.of_kind_without_index(session_id, kind, to).await,
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    async fn of_kind_without_index(
+        &self,
+        session_id: &str,
+        kind: &'static str,
+        to: i64,
+    ) -> Result<Vec<Event>, StoreError> {
+        let (mut last, mut found) = (0, Vec::new());
+        while last < to {
+            let events = self.events(session_id, last, PROVED_AT_ONCE.min(to - last)).await?;
+            let Some(newest) = events.last() else { break };
+            last = newest.seq;
+            found.extend(events.into_iter().filter(|event| event.kind == kind));
+        }
+        Ok(found)
     }
 
     /// The digest of the request that deleted the session under this request id, if there was one.
