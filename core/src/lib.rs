@@ -11,6 +11,7 @@
 //! points are in the session's frame where they come in
 //! and go out, and in between in the frame that the method works in.
 
+mod arithmetic;
 pub mod config;
 pub mod error;
 pub mod evidence;

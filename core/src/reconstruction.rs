@@ -11,12 +11,15 @@ mod motion;
 mod palpate;
 mod paper;
 mod summary;
+mod warm_start;
 
 pub use findings::{Findings, FoundDoubt, FoundMotion, FoundOffset};
 pub use summary::{Stats, StopReason};
+pub use warm_start::WarmStart;
 
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
+use crate::arithmetic;
 use crate::config::{Config, Method, Strategy};
 use crate::error::{Error, FieldError};
 use crate::evidence::attractor::Attractor;
@@ -29,8 +32,15 @@ use crate::template::{EllipsoidFit, SelectedFit};
 use crate::uncertainty::Reach;
 use crate::warning::Warning;
 
-/// Changes with every change of a result: a stored state hash holds for one version only.
+/// Changes with every change of the method's results.
 pub const ALGORITHM_VERSION: &str = "8";
+
+/// The version of the method and, after a dash, a tag of this machine's arithmetic: a stored state hash holds where
+/// both are the same, since last bits differ between kinds of processors.
+pub fn version() -> &'static str {
+    static VERSION: LazyLock<String> = LazyLock::new(|| format!("{ALGORITHM_VERSION}-{}", *arithmetic::TAG));
+    &VERSION
+}
 
 /// A session's state: its evidence, and the estimate that follows from it.
 #[derive(Clone, Debug)]
@@ -39,7 +49,9 @@ pub struct Reconstruction {
     /// The frame that ledger and estimate are in.
     frame: WorkFrame,
     ledger: Ledger,
-    estimate: Option<Estimate>,
+    estimate: Option<Arc<Estimate>>,
+    /// Whether estimates are left out for now.
+    defers: bool,
 }
 
 /// What the evidence says about the object.
@@ -50,6 +62,8 @@ pub struct Estimate {
     connectivity: Arc<Connectivity>,
     reach: Reach,
     detail: Detail,
+    /// What its fit took from the one before.
+    began_with: WarmStart,
 }
 
 /// How the stages of a method went, from which its next fit goes on.
@@ -124,7 +138,7 @@ pub struct Update {
 impl Reconstruction {
     /// A session without evidence.
     pub fn new(config: Config) -> Self {
-        Self { config, frame: WorkFrame::Session, ledger: Ledger::default(), estimate: None }
+        Self { config, frame: WorkFrame::Session, ledger: Ledger::default(), estimate: None, defers: false }
     }
 
     /// The state after one more piece of evidence.
@@ -133,7 +147,7 @@ impl Reconstruction {
     /// [`Error::NoVisualPrior`] for an attempt before anything was seen.
     pub fn absorb(&self, evidence: &Evidence) -> Result<(Self, Update), Error> {
         let mut next = self.clone();
-        if let (Evidence::VisualPrior(prior), None) = (evidence, &self.estimate) {
+        if let (Evidence::VisualPrior(prior), false) = (evidence, self.has_seen()) {
             next.frame = WorkFrame::of(self.config.method, prior);
             next.ledger.support = self.config.support.map(|plane| next.frame.plane(&plane));
             let up = self.config.support.map_or(Vector::z_axis(), |plane| *plane.normal());
@@ -141,10 +155,10 @@ impl Reconstruction {
         }
         let entry = next.ledger.enter(&next.frame.enter(evidence), &next.config)?;
         let mut max_vertex_move_m = 0.0;
-        if entry.changes_estimate {
-            let estimate = next.estimate();
+        if entry.changes_estimate && !self.defers {
+            let estimate = next.fitted(WarmStart::after(self.last_estimate()));
             max_vertex_move_m = self.estimate.as_ref().map_or(0.0, |before| estimate.farthest_move_m(before));
-            next.estimate = Some(estimate);
+            next.estimate = Some(Arc::new(estimate));
         }
         let warnings = entry.warnings.into_iter().chain(next.findings().warnings_since(&self.findings()));
         let update = Update {
@@ -163,14 +177,14 @@ impl Reconstruction {
     }
 
     /// From evidence to surface (Sections III-D to III-F).
-    fn estimate(&self) -> Estimate {
+    fn fitted(&self, start: WarmStart) -> Estimate {
         let (ledger, config, sphere) = (&self.ledger, &self.config, self.sphere());
-        let before = self.estimate.as_ref().map(|estimate| &estimate.detail);
-        match config.method {
+        let estimate = match config.method {
             Method::Paper => paper::estimate(ledger, config, sphere),
             Method::Gpis => gpis::estimate(ledger, config),
-            Method::Palpate => palpate::estimate(ledger, before.and_then(Detail::palpate), config, sphere),
-        }
+            Method::Palpate => palpate::estimate(ledger, start.palpate(), config, sphere),
+        };
+        Estimate { began_with: start, ..estimate }
     }
 
     /// Where to touch next (Section III-G); nothing before the first visual prior.
@@ -224,7 +238,12 @@ impl Reconstruction {
 
     /// The estimate with how each stage went; nothing before the first visual prior.
     pub fn last_estimate(&self) -> Option<&Estimate> {
-        self.estimate.as_ref()
+        self.estimate.as_deref()
+    }
+
+    /// Whether anything was seen.
+    pub fn has_seen(&self) -> bool {
+        !self.ledger.views.is_empty()
     }
 
     /// The surface in the session's frame; nothing before the first visual prior.
@@ -263,18 +282,10 @@ impl Reconstruction {
     }
 }
 
-impl Detail {
-    fn palpate(&self) -> Option<&PalpateDetail> {
-        match self {
-            Self::Palpate(detail) => Some(detail),
-            Self::Paper(_) | Self::Gpis(_) => None,
-        }
-    }
-}
-
 impl Estimate {
     fn new(surface: Surface, reach: Reach, detail: Detail, connectivity: Arc<Connectivity>) -> Self {
-        Self { normals: surface.mesh.vertex_normals(), surface, connectivity, reach, detail }
+        let normals = surface.mesh.vertex_normals();
+        Self { normals, surface, connectivity, reach, detail, began_with: WarmStart::default() }
     }
 
     /// The centre of the template's body, in metres.

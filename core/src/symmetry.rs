@@ -7,12 +7,13 @@
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
 use nalgebra::{Matrix3, Rotation3, Unit};
+use serde::{Deserialize, Serialize};
 
 use crate::config::DeclaredSymmetry;
 use crate::geometry::{Point, SurfacePoint, Vector};
 
 /// Which points are symmetric to each other.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Symmetry {
     /// None.
     None,

@@ -30,6 +30,6 @@ pub use compound::Compound;
 pub use ellipsoid::{Ellipsoid, EllipsoidFit};
 pub(crate) use patch_frame::PatchFrame;
 pub use selection::SelectedFit;
-pub(crate) use selection::select;
+pub(crate) use selection::{TemplateStart, select};
 pub use superquadric::Superquadric;
 pub use surface::{Projection, TemplateSurface};

@@ -31,7 +31,7 @@ use std::net::IpAddr;
 use std::sync::Arc;
 use std::thread::available_parallelism;
 
-use palpate_core::reconstruction::ALGORITHM_VERSION;
+use palpate_core::reconstruction;
 use palpate_proto::v1;
 use prost::{Message, Name};
 use sha2::{Digest, Sha256};
@@ -108,7 +108,7 @@ impl Api {
     pub(crate) fn server_info(&self) -> v1::ServerInfo {
         v1::ServerInfo {
             version: env!("CARGO_PKG_VERSION").to_owned(),
-            algorithm_version: ALGORITHM_VERSION.to_owned(),
+            algorithm_version: reconstruction::version().to_owned(),
             capabilities: capabilities(),
             mesh_formats: mesh::FORMATS.map(i32::from).to_vec(),
             max_message_bytes: i64::try_from(self.limits.message_bytes).unwrap_or(i64::MAX),

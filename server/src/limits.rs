@@ -102,6 +102,8 @@ pub struct Limits {
     pub import_bytes: u64,
     /// Bytes that the database may hold.
     pub database_bytes: u64,
+    /// Bytes of the file beside the database that sessions open from quickly; the oldest of it gives way.
+    pub checkpoint_bytes: u64,
     /// How fast logs are proved in the background, in bytes a second.
     pub proof_bytes_per_s: u64,
     /// Pause between two rounds of that.
@@ -201,6 +203,7 @@ impl Default for Limits {
             archive_members: 100_000,
             import_bytes: 320 << 20,
             database_bytes: 64 << 30,
+            checkpoint_bytes: 1 << 30,
             proof_bytes_per_s: 64 << 20,
             proof_pause: Duration::from_secs(6 * 3600),
             unprintable_names: false,

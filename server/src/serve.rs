@@ -98,7 +98,7 @@ pub async fn serve(
     let address: SocketAddr = listener.local_addr()?;
     let allowed_origins = checked_origins(&allowed_origins)?;
     let door = Door::new(address, checked_hosts(&allowed_hosts)?, allowed_origins.clone(), &limits);
-    let store = Store::open(&database, &limits).await?;
+    let store = Store::open(&database, palpate_core::reconstruction::version(), &limits).await?;
     let api = Api::new(store, limits, shutdown.clone());
     let bodies = Bodies::new(api.limits());
     let (grpc_routes, health) = grpc::router(&api, bodies.clone())?;

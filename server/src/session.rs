@@ -19,7 +19,7 @@ use palpate_core::config::{Config, Strategy};
 use palpate_core::evidence::{Evidence, Pad as TouchingPad};
 use palpate_core::exploration::{Candidate, KeepOut, MountedPad, Proposal, ProposalRequest};
 use palpate_core::geometry::Pose;
-use palpate_core::reconstruction::{ALGORITHM_VERSION, Findings, Reconstruction, Stats, StopReason, Update};
+use palpate_core::reconstruction::{self, Findings, Reconstruction, Stats, StopReason, Update, WarmStart};
 
 use sha2::{Digest, Sha256};
 
@@ -269,23 +269,28 @@ impl Snapshot {
         at_us: i64,
         started: Instant,
     ) -> Self {
-        Self {
-            definition: self.definition.clone(),
+        let next = Self {
             revision: self.revision + 1,
             state: SessionState::Active,
             set_aside: None,
             evidence,
-            view_edge_m: self.view_edge_m,
             leases: self.leases.at(at_us),
-            retracted: self.retracted.clone(),
-            finish_note: self.finish_note.clone(),
-            stats: reconstruction.stats(),
-            findings: reconstruction.findings(),
-            should_stop: reconstruction.stop_reason(),
-            digest: reconstruction.digest(),
             updated_us: at_us,
             last_update: started.elapsed(),
             reconstruction,
+            ..self.clone()
+        };
+        if next.reconstruction.is_deferring() { next } else { next.summed_up() }
+    }
+
+    /// The same state with what follows from its estimate.
+    fn summed_up(self) -> Self {
+        Self {
+            stats: self.reconstruction.stats(),
+            findings: self.reconstruction.findings(),
+            should_stop: self.reconstruction.stop_reason(),
+            digest: self.reconstruction.digest(),
+            ..self
         }
     }
 
@@ -392,7 +397,9 @@ impl Snapshot {
 }
 
 impl Aggregate for Snapshot {
-    const ALGORITHM_VERSION: &'static str = ALGORITHM_VERSION;
+    fn algorithm_version() -> &'static str {
+        reconstruction::version()
+    }
 
     fn identity(&self) -> (&str, i64) {
         (&self.definition.session_id, self.definition.created_us)
@@ -422,6 +429,24 @@ impl Aggregate for Snapshot {
 
     fn without_event(&self, row: &Event) -> Self {
         self.noted(row.append_us)
+    }
+
+    fn deferring(&self) -> Self {
+        Self { reconstruction: self.reconstruction.clone().deferring(), ..self.clone() }
+    }
+
+    fn checkpoint(&self) -> Option<Vec<u8>> {
+        postcard::to_stdvec(self.reconstruction.warm_start()?).ok()
+    }
+
+    fn shares_checkpoint_with(&self, before: &Self) -> bool {
+        self.reconstruction.shares_estimate_with(&before.reconstruction)
+    }
+
+    fn restored(&self, checkpoint: &[u8]) -> Option<Self> {
+        let start: WarmStart = postcard::from_bytes(checkpoint).ok()?;
+        let reconstruction = self.reconstruction.clone().estimated_from(start);
+        Some(Self { reconstruction, ..self.clone() }.summed_up())
     }
 
     fn quarantined(&self, reason: &str, head: i64) -> Self {

@@ -9,9 +9,11 @@
 //! ```
 //!
 //! A state is the fold of its log, so nothing here needs saving: what is evicted or lost with the
-//! process is computed again, bit for bit. What states and bytes mean is not known here.
+//! process is computed again, bit for bit, and checkpoints make that quick. What states and bytes mean is not known
+//! here.
 
 mod aggregate;
+mod checkpoint;
 mod copying;
 mod creation;
 mod deletion;
@@ -249,6 +251,7 @@ impl<S: Aggregate> Sessions<S> {
             let reply = new.reply.clone();
             match self.store.append(head, end.link, new).await {
                 Ok(()) => {
+                    self.keep_checkpoint(&before, &after);
                     live.publish(Replayed { state: Arc::new(after), head: grown });
                     return Ok(Reply { bytes: reply, duplicate: false });
                 }
@@ -357,7 +360,7 @@ fn recorded<S: Aggregate>(
         reply,
         state_hash,
         stats_after,
-        algorithm_version: S::ALGORITHM_VERSION.to_owned(),
+        algorithm_version: S::algorithm_version().to_owned(),
         append_us,
         actor: actor.to_owned(),
     };

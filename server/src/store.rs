@@ -10,6 +10,7 @@
 
 mod apply;
 mod change;
+mod checkpoints;
 mod checks;
 mod event;
 mod files;
@@ -33,6 +34,7 @@ use crate::limits::Limits;
 
 use change::Change;
 pub(crate) use change::{Damage, Deletion, Import, NewSession, SessionHead};
+pub(crate) use checkpoints::{Checkpoint, Checkpoints};
 pub(crate) use event::Event;
 pub(crate) use link::{Link, first as first_link};
 pub use open::OpenError;
@@ -94,6 +96,8 @@ pub(crate) struct Store {
     missing: i64,
     /// What the disk does not read.
     readable: Arc<Readable>,
+    /// What folds go on from.
+    pub(crate) checkpoints: Checkpoints,
 }
 
 impl Store {
@@ -101,10 +105,14 @@ impl Store {
     ///
     /// # Errors
     /// The file cannot be opened, or the engine does not give the guarantees that are promised.
-    pub(crate) async fn open(database: &Path, limits: &Limits) -> Result<Self, OpenError> {
+    pub(crate) async fn open(
+        database: &Path,
+        version: &'static str,
+        limits: &Limits,
+    ) -> Result<Self, OpenError> {
         let opened = open::open(database).await?;
         let readers = open::readers(database).await?;
-        Ok(Self::over(opened, readers, limits))
+        Ok(Self::over(opened, readers, version, limits))
     }
 
     /// Opens a log that another process may hold, as two servers of one file would.
@@ -112,14 +120,15 @@ impl Store {
     pub(crate) async fn open_beside(database: &Path, limits: &Limits) -> Result<Self, OpenError> {
         let opened = open::open_beside(database).await?;
         let readers = open::readers(database).await?;
-        Ok(Self::over(opened, readers, limits))
+        Ok(Self::over(opened, readers, "", limits))
     }
 
-    fn over(opened: Opened, readers: SqlitePool, limits: &Limits) -> Self {
+    fn over(opened: Opened, readers: SqlitePool, version: &'static str, limits: &Limits) -> Self {
         let (jobs, queue) = mpsc::channel(limits.write_queue);
         let (closing, closed) = (CancellationToken::new(), CancellationToken::new());
         let missing = opened.missing;
         let readable = Arc::new(Readable::of(&opened.database));
+        let checkpoints = Checkpoints::beside(&opened.database, version, limits.checkpoint_bytes);
         let writer = Writer::new(opened, limits.database_bytes);
         let writer = writer.run(queue, limits.write_batch, closing.clone());
         let announce = closed.clone().drop_guard();
@@ -127,7 +136,7 @@ impl Store {
             writer.await;
             drop(announce);
         });
-        Self { readers, jobs, closing, closed, missing, readable }
+        Self { readers, jobs, closing, closed, missing, readable, checkpoints }
     }
 
     /// Writes a session with its first events, all or none.
@@ -188,6 +197,7 @@ impl Store {
     /// All is then in the one file of the database, without a log of changes beside it.
     pub(crate) async fn close(&self) {
         self.readers.close().await;
+        self.checkpoints.close().await;
         self.closing.cancel();
         self.closed.cancelled().await;
     }

@@ -1,5 +1,7 @@
 //! The ledger: evidence sorted into what pulls the surface, what failed, and how often.
 
+use serde::{Deserialize, Serialize};
+
 use super::attempt::{Attempt, Contact, Moved, Outcome, Sweep, Target};
 use super::attractor::contact_uncertainty;
 use super::rejection::Rejection;
@@ -96,7 +98,7 @@ pub struct Touch {
 }
 
 /// A motion of the object, as it was reported or estimated.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Motion {
     /// The number of the first piece of evidence after it.
     pub since: usize,

@@ -14,6 +14,8 @@
 use nalgebra::{Matrix2, Vector2};
 
 use super::wrench::Wrench;
+use serde::{Deserialize, Serialize};
+
 use crate::error::FieldError;
 use crate::geometry::Vector;
 
@@ -30,7 +32,7 @@ const LOAD_DEVIATIONS: f64 = 4.0;
 const BESIDE: f64 = 1.5;
 
 /// Which point of a pad is taken as touched.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum TouchedPoint {
     /// The method's own choice.
     #[default]

@@ -6,6 +6,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use serde::{Deserialize, Serialize};
+
 use super::attractor::{Attractor, Group, Provenance, Rigid, Sense};
 use super::free_space::FreeSpace;
 use super::ledger::{Ledger, Motion, Touch};
@@ -27,7 +29,7 @@ const OFF_CENTRE: f64 = 0.3;
 pub(crate) const DOUBTED: f64 = 0.5;
 
 /// A reading of the evidence.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Reading {
     /// Which point of a pad touches, where the pad leaves it open.
     pub(crate) touched: TouchedPoint,
@@ -61,7 +63,7 @@ pub(crate) struct Reading {
 }
 
 /// A rigid offset that was estimated.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RigidOffset {
     /// The translation, in metres.
     pub mean: Vector,

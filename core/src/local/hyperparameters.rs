@@ -4,6 +4,7 @@
 //! Noise and symmetry are chosen anew in some fits only ([`Extras`]) and kept in between.
 
 use nalgebra::Rotation3;
+use serde::{Deserialize, Serialize};
 
 use super::noise::Noise;
 use super::process::{Displacement, Observation, Prior};
@@ -49,7 +50,7 @@ pub(crate) fn correlation_length_m(area_m2: f64) -> f64 {
 }
 
 /// What was chosen, from which the next choice goes on.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(crate) struct Hyperparameters {
     /// Of the sensors.
     pub(crate) noise: Noise,

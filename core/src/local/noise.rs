@@ -4,6 +4,8 @@
 //! one is kept under which the measurements are the most likely: too small a noise makes a rough
 //! patch a surprise, too large a noise makes a smooth one.
 
+use serde::{Deserialize, Serialize};
+
 use crate::evidence::attractor::Sense;
 use crate::fingerprint::Fingerprint;
 
@@ -22,7 +24,7 @@ const FACTORS: (f64, f64) = (0.5, 8.0);
 const OCTAVE_COST: f64 = 3.0;
 
 /// Noise of camera and pad, as factors of what is expected of them.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Noise {
     vision: f64,
     touch: f64,

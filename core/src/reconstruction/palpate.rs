@@ -1,6 +1,7 @@
 //! METHOD_PALPATE on one page: from all evidence, failures included, to a surface with its
 //! standard deviation.
 
+use super::warm_start::PalpateStart;
 use super::{Detail, Estimate, PalpateDetail, Surface, belief, motion};
 use crate::config::Config;
 use crate::evidence::ledger::{Ledger, Motion};
@@ -13,7 +14,7 @@ use crate::uncertainty::{self, Reach};
 
 pub(super) fn estimate(
     ledger: &Ledger,
-    before: Option<&PalpateDetail>,
+    before: Option<&PalpateStart>,
     config: &Config,
     sphere: &'static Icosphere,
 ) -> Estimate {
@@ -53,13 +54,13 @@ struct Scene<'a> {
 /// What an earlier fit leaves to the next.
 #[derive(Clone, Copy)]
 struct Start<'a> {
-    template: &'a template::SelectedFit,
+    template: &'a template::TemplateStart,
     hyperparameters: &'a local::Hyperparameters,
 }
 
 impl<'a> Start<'a> {
-    fn of(before: &'a PalpateDetail) -> Self {
-        Self { template: &before.template, hyperparameters: &before.raised.hyperparameters }
+    fn of(before: &'a PalpateStart) -> Self {
+        Self { template: &before.template, hyperparameters: &before.hyperparameters }
     }
 }
 
@@ -215,7 +216,7 @@ impl Scene<'_> {
 
 impl Fitted {
     fn start(&self) -> Start<'_> {
-        Start { template: &self.template, hyperparameters: &self.raised.hyperparameters }
+        Start { template: &self.template.start, hyperparameters: &self.raised.hyperparameters }
     }
 
     /// How likely the measurements were, with what the template's parameters cost.

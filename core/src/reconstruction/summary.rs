@@ -126,6 +126,7 @@ impl Estimate {
             connectivity: _,
             reach: _,
             detail,
+            began_with: _,
         } = self;
         fingerprint.points(&mesh.vertices);
         fingerprint.numbers(uncertainty);

@@ -1,6 +1,7 @@
 //! One superquadric of a compound template, as parameters that can be fitted.
 
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector};
+use serde::{Deserialize, Serialize};
 
 use super::patch_frame::{LOG_SIZE, PatchFrame, clamp_log_size};
 use super::superquadric::Superquadric;
@@ -18,14 +19,14 @@ const EXPONENTS: (f64, f64) = (0.1, 1.2);
 const SHRINK: f64 = -0.15;
 
 /// The axis of the host that a limb stays on, and the end (-1 or 1) that it comes out of.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Along {
     pub(super) axis: usize,
     pub(super) side: f64,
 }
 
 /// A superquadric in the frame of the patch.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Part {
     pub(super) centre: Vector,
     pub(super) log_axes: Vector,

@@ -1,6 +1,7 @@
 //! The frame of the visual patch: where a fit is well scaled, and where its prior expects the object.
 
 use nalgebra::Matrix3;
+use serde::{Deserialize, Serialize};
 
 use crate::evidence::attractor::{Attractor, Sense};
 use crate::fingerprint::Fingerprint;
@@ -17,7 +18,7 @@ pub(crate) fn clamp_log_size(log_size: f64) -> f64 {
 }
 
 /// The frame in which a fit is well scaled, and where its prior expects the object.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(crate) struct PatchFrame {
     /// Centroid of the visual points.
     pub(crate) origin: Point,

@@ -5,6 +5,8 @@
 //! better. Parts are counted by the Bayesian information criterion, with some hysteresis, so that
 //! the template does not change with every touch.
 
+use serde::{Deserialize, Serialize};
+
 use super::compound::Compound;
 use super::covariance::Covariance;
 use super::distances::Distances;
@@ -47,6 +49,13 @@ pub struct SelectedFit {
     pub diverged: bool,
     /// How sure each of its parts is of its parameters.
     covariances: Vec<Covariance>,
+    /// The parts that it is made of, and what the next fit goes on from.
+    pub(crate) start: TemplateStart,
+}
+
+/// What a fit of the compound template leaves to the next.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct TemplateStart {
     /// The frame that the parts are fitted in.
     frame: PatchFrame,
     /// The parts of the chosen template.
@@ -61,7 +70,8 @@ impl SelectedFit {
     /// Adds itself to a fingerprint.
     pub(crate) fn fingerprint(&self, fingerprint: &mut Fingerprint) {
         // Shape and covariances follow from the parts and the evidence.
-        let Self { shape: _, diverged: _, covariances: _, frame, parts, single, ellipsoid } = self;
+        let Self { shape: _, diverged: _, covariances: _, start } = self;
+        let TemplateStart { frame, parts, single, ellipsoid } = start;
         frame.fingerprint(fingerprint);
         fingerprint.count(parts.len());
         parts.iter().chain([single, ellipsoid]).for_each(|part| part.fingerprint(fingerprint));
@@ -69,21 +79,21 @@ impl SelectedFit {
 
     /// How many parameters it has.
     pub(crate) fn parameters(&self) -> f64 {
-        self.parts.iter().map(Part::parameters).sum()
+        self.start.parts.iter().map(Part::parameters).sum()
     }
 
     /// Standard deviations of the template along its normal near some points, each by the covariance
     /// of the nearest part's parameters, in metres.
     pub fn deviations_m(&self, points: &[Point]) -> Vec<f64> {
+        let TemplateStart { frame, parts, .. } = &self.start;
         let fields: Vec<(Field<'_>, &Covariance)> =
-            self.parts.iter().map(Part::field).zip(&self.covariances).collect();
+            parts.iter().map(Part::field).zip(&self.covariances).collect();
         let variance = |local: &Vector| {
             let of_parts = fields.iter().map(|(field, covariance)| (field.residual(local), covariance));
             let nearest = of_parts.min_by(|((a, _), _), ((b, _), _)| a.total_cmp(b));
             nearest.map_or(0.0, |((_, row), covariance)| row.dot(&(*covariance * row)))
         };
-        let deviation =
-            |point: &Point| variance(&self.frame.local(point)).max(0.0).sqrt() * self.frame.length_m;
+        let deviation = |point: &Point| variance(&frame.local(point)).max(0.0).sqrt() * frame.length_m;
         points.iter().map(deviation).collect()
     }
 }
@@ -91,7 +101,7 @@ impl SelectedFit {
 /// Selects and fits the template, going on from the fit before.
 pub(crate) fn select(
     evidence: &FitEvidence,
-    before: Option<&SelectedFit>,
+    before: Option<&TemplateStart>,
     extras: Extras,
     stages: &Stages,
 ) -> SelectedFit {
@@ -134,10 +144,7 @@ pub(crate) fn select(
         shape: chosen.shape(&frame),
         diverged: chosen.parts.iter().any(Part::is_unbounded),
         covariances: chosen.covariances(&data),
-        frame,
-        parts: chosen.parts,
-        single: best.parameters,
-        ellipsoid,
+        start: TemplateStart { frame, parts: chosen.parts, single: best.parameters, ellipsoid },
     }
 }
 
@@ -153,7 +160,7 @@ fn sphere(start: &Ellipsoid) -> Superquadric {
 /// The number of parts: one, those of the fit before, or one more where that is clearly better.
 fn select_parts(
     single: &Union,
-    before: Option<&SelectedFit>,
+    before: Option<&TemplateStart>,
     extras: Extras,
     data: &FitData,
     limbs: bool,

@@ -11,7 +11,7 @@ use std::collections::{BTreeMap, HashSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use palpate_core::metrics::Reference;
-use palpate_core::reconstruction::ALGORITHM_VERSION;
+use palpate_core::reconstruction;
 use tokio::sync::Semaphore;
 use tokio::time::Instant;
 
@@ -72,7 +72,7 @@ impl Api {
     /// # Errors
     /// The database cannot be read.
     pub(super) async fn known_errors(&self, session_id: &str) -> Result<BTreeMap<i64, SurfaceError>, Error> {
-        Ok(self.sessions.store.surface_errors(session_id, ALGORITHM_VERSION).await?)
+        Ok(self.sessions.store.surface_errors(session_id, reconstruction::version()).await?)
     }
 
     /// Sees to it that the missing errors of a session are computed, and returns at once.
@@ -198,7 +198,7 @@ impl Api {
             session_id: session_id.to_owned(),
             created_us,
             reference: truth.kept.key.clone(),
-            algorithm_version: ALGORITHM_VERSION,
+            algorithm_version: reconstruction::version(),
             errors,
         };
         Ok(self.sessions.store.note_errors(new).await?)

@@ -81,7 +81,7 @@ impl Snapshot {
                 (log.absorb(self.revision + 1, Arc::new(Evidence::VisualPrior(view)))?, accepted)
             }
             // Too few for a view, but only because the others show the rest.
-            (Err(_), Some(edge_m)) if log.reconstruction.surface().is_some() => (nothing_new(edge_m), 0),
+            (Err(_), Some(edge_m)) if log.reconstruction.has_seen() => (nothing_new(edge_m), 0),
             (Err(refusal), _) => return Err(refusal.into()),
         };
         let EvidenceLog { evidence, reconstruction } = log;
@@ -96,13 +96,15 @@ impl Snapshot {
     /// The same evidence in the same order, with its views thinned in `grid`.
     fn log_with_views_in(&self, grid: &mut Grid) -> Result<EvidenceLog, Error> {
         let reconstruction = Reconstruction::new(self.definition.config.clone());
+        let reconstruction =
+            if self.reconstruction.is_deferring() { reconstruction.deferring() } else { reconstruction };
         let mut log = EvidenceLog { evidence: Vec::new(), reconstruction };
         for (seq, evidence) in &self.evidence {
             match &**evidence {
                 Evidence::Attempt(_) | Evidence::Moved(_) => drop(log.absorb(*seq, evidence.clone())?),
                 Evidence::VisualPrior(seen) => match thinned(seen, grid.add(seen.points())) {
                     Ok(seen) => drop(log.absorb(*seq, Arc::new(Evidence::VisualPrior(seen)))?),
-                    Err(_) if log.reconstruction.surface().is_some() => {}
+                    Err(_) if log.reconstruction.has_seen() => {}
                     Err(_) => return Err(too_wide(grid.edge_m()).into()),
                 },
             }

@@ -8,8 +8,8 @@ use crate::store::Event;
 
 /// The state of one session after one of its events: never changed, shared by readers.
 pub(crate) trait Aggregate: Send + Sync + Sized + 'static {
-    /// Under which a state hash was computed; hashes of two versions are not compared.
-    const ALGORITHM_VERSION: &'static str;
+    /// Under which a state hash is computed; hashes of two versions are not compared.
+    fn algorithm_version() -> &'static str;
 
     /// The session's id, and when it was created: together they tell it from an earlier one of the same id.
     fn identity(&self) -> (&str, i64);
@@ -28,6 +28,19 @@ pub(crate) trait Aggregate: Send + Sync + Sized + 'static {
 
     /// The same state after an event that is left out, since it was retracted.
     fn without_event(&self, row: &Event) -> Self;
+
+    /// The same state without what a checkpoint gives back: from here on an event costs little, and the state's hash
+    /// says nothing.
+    fn deferring(&self) -> Self;
+
+    /// What gives this state back to one that [defers](Self::deferring) and has seen the same events.
+    fn checkpoint(&self) -> Option<Vec<u8>>;
+
+    /// Whether the state before had the same checkpoint.
+    fn shares_checkpoint_with(&self, before: &Self) -> bool;
+
+    /// The state that a checkpoint gives back to this one, which defers; nothing where it cannot be read.
+    fn restored(&self, checkpoint: &[u8]) -> Option<Self>;
 
     /// The same state, the last sound one of a log that is damaged after it and should go on to `head`.
     fn quarantined(&self, reason: &str, head: i64) -> Self;

@@ -11,8 +11,9 @@ use std::sync::Arc;
 use tokio::time::Instant;
 use uuid::Uuid;
 
+use super::checkpoint::checkpoint_after;
 use super::live::{Head, Replayed};
-use super::replay::{Folded, fold_page};
+use super::replay::{Folded, Manner, fold_page};
 use super::retraction::Retractions;
 use super::{
     Aggregate, Computed, Created, Creation, Reply, RequestKey, Sessions, StoredEvent, contended, detached,
@@ -21,7 +22,7 @@ use super::{
 use crate::compute::Queue;
 use crate::error::Error;
 use crate::session::now_us;
-use crate::store::{Event, Import, Link, NewSession, SessionHead, StoreError, first_link};
+use crate::store::{Checkpoint, Event, Import, Link, NewSession, SessionHead, StoreError, first_link};
 
 /// Events that are computed anew in one job, so that a long log does not keep a thread from others.
 const PAGE: i64 = 16;
@@ -96,6 +97,7 @@ impl<S: Aggregate + Clone> Sessions<S> {
         let link = first_link(&session_id);
         let (mut state, mut head, first) = recorded(computed, &request, event, &actor, &link);
         let mut events = vec![first];
+        let mut checkpoints = Vec::new();
         let deadline = Instant::now() + self.limits.recompute_timeout;
         while let Some(page) = self.next_page(&mut original, events.len() as i64).await? {
             for rows in page.chunk_by(|before, row| !self.is_retraction(before) && !self.is_retraction(row)) {
@@ -106,6 +108,7 @@ impl<S: Aggregate + Clone> Sessions<S> {
                 let compute = move || carry_all(&carry, state, &rows);
                 let carried = self.pool.run(Queue::READERS, &session_id, deadline, compute).await??;
                 events.extend(carried.events);
+                checkpoints.extend(carried.checkpoints);
                 (state, head) = (carried.state, carried.head.unwrap_or(head));
             }
             self.check_size(&events)?;
@@ -118,7 +121,8 @@ impl<S: Aggregate + Clone> Sessions<S> {
             Original::Events(_) => None,
         };
         let session = NewSession { head, experiment, labels, imported_by: None, reference_of };
-        self.write_copy(session, events, state, &wanted, &request, reply).await
+        let copied = Copied { session, events, state, checkpoints };
+        self.write_copy(copied, &wanted, &request, reply).await
     }
 
     async fn take_over_now(&self, takeover: Takeover<S>) -> Result<Reply, Error> {
@@ -134,7 +138,7 @@ impl<S: Aggregate + Clone> Sessions<S> {
         self.check_size(&events)?;
         let retractions = Retractions::among(&events, self.folding.retracts);
         let deadline = Instant::now() + self.limits.recompute_timeout;
-        let state = self.fold_all(&session_id, &events, &retractions, deadline).await?;
+        let (state, checkpoints) = self.fold_all(&session_id, &events, &retractions, deadline).await?;
         let Created { event: _, computed, experiment, labels } = describe((*state).clone());
         let (state, mut head, described) =
             recorded(computed, &request, ("", Vec::new()), "", &first_link(&session_id));
@@ -142,23 +146,26 @@ impl<S: Aggregate + Clone> Sessions<S> {
         let RequestKey { id: request_id, digest: request_digest } = request.clone();
         let imported_by = Some(Import { request_id, request_digest, reply: described.reply.clone() });
         let session = NewSession { head, experiment, labels, imported_by, reference_of: None };
-        self.write_copy(session, events, state, &session_id, &request, described.reply).await
+        let copied = Copied { session, events, state, checkpoints };
+        self.write_copy(copied, &session_id, &request, described.reply).await
     }
 
     /// Writes all of a copy at once, and keeps its state in memory.
     async fn write_copy(
         &self,
-        session: NewSession,
-        events: Vec<Event>,
-        state: S,
+        copied: Copied<S>,
         wanted: &str,
         request: &RequestKey,
         reply: Vec<u8>,
     ) -> Result<Reply, Error> {
+        let Copied { session, events, state, checkpoints } = copied;
         let session_id = session.head.session_id.clone();
         let head = Head { link: session.head.link, bytes: events.iter().map(Event::bytes).sum() };
         match self.store.create(session, events).await {
             Ok(()) => {
+                for checkpoint in checkpoints {
+                    self.store.checkpoints.keep(state.identity(), checkpoint);
+                }
                 let replayed = Replayed { state: Arc::new(state), head };
                 self.live.get(&session_id).load(async || Ok(replayed)).await?;
                 Ok(Reply { bytes: reply, duplicate: false })
@@ -190,30 +197,34 @@ impl<S: Aggregate + Clone> Sessions<S> {
         if let Some(seq) = retracts(retraction) {
             retractions = retractions.and(retraction.seq, seq);
         }
-        let folded = self.fold_all(session_id, events, &retractions, deadline).await?;
+        let (folded, _) = self.fold_all(session_id, events, &retractions, deadline).await?;
         Ok((*folded).clone())
     }
 
-    /// The state that all events give together, and each on the way the one that it recorded.
+    /// The state that all events give together, and each on the way the one that it recorded; with checkpoints of them.
     async fn fold_all(
         &self,
         session_id: &str,
         events: &[Event],
         retractions: &Retractions,
         deadline: Instant,
-    ) -> Result<Arc<S>, Error> {
+    ) -> Result<(Arc<S>, Vec<Checkpoint>), Error> {
         let mut folded = Folded { state: None, head: Head::empty(session_id), damage: None };
+        let mut checkpoints = Vec::new();
         for page in events.chunks(PAGE as usize) {
             let (folding, id, page, left_out) =
                 (self.folding, session_id.to_owned(), page.to_vec(), retractions.clone());
-            let fold = move || fold_page(folding, &id, folded, &page, &left_out);
-            folded = self.pool.run(Queue::READERS, session_id, deadline, fold).await?;
+            let fold = move || fold_page(folding, &id, folded, &page, &left_out, &Manner::Computing);
+            let (reached, new) = self.pool.run(Queue::READERS, session_id, deadline, fold).await?;
+            folded = reached;
+            checkpoints.extend(new);
             if let Some(damage) = &folded.damage {
                 let description = format!("holds a log that cannot be taken over: {}", damage.reason);
                 return Err(Error::field("data", description));
             }
         }
-        folded.state.ok_or_else(|| Error::field("data", "holds a log without events"))
+        let state = folded.state.ok_or_else(|| Error::field("data", "holds a log without events"))?;
+        Ok((state, checkpoints))
     }
 
     /// The events after the event `after`; nothing where there are no more.
@@ -242,18 +253,28 @@ struct CarriedAll<S> {
     state: S,
     head: Option<SessionHead>,
     events: Vec<Event>,
+    checkpoints: Vec<Checkpoint>,
+}
+
+/// A copy before it is written.
+struct Copied<S> {
+    session: NewSession,
+    events: Vec<Event>,
+    state: S,
+    checkpoints: Vec<Checkpoint>,
 }
 
 fn carry_all<S: Aggregate>(carry: &Carry<S>, mut state: S, rows: &[Event]) -> Result<CarriedAll<S>, Error> {
     let nobody = RequestKey { id: String::new(), digest: Vec::new() };
-    let (mut head, mut events) = (None, Vec::with_capacity(rows.len()));
+    let (mut head, mut events, mut checkpoints) = (None, Vec::with_capacity(rows.len()), Vec::new());
     for row in rows {
         let (event, computed) = carry(&state, row)?;
         let (after, new_head, new) = recorded(computed, &nobody, event, &row.actor, &Link::default());
+        checkpoints.extend(checkpoint_after(Some(&state), &after));
         (state, head) = (after, Some(new_head));
         events.push(new);
     }
-    Ok(CarriedAll { state, head, events })
+    Ok(CarriedAll { state, head, events, checkpoints })
 }
 
 fn last_link(session_id: &str, events: &[Event]) -> Link {

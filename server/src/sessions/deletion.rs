@@ -44,6 +44,7 @@ impl<S: Aggregate> Sessions<S> {
             };
             match self.store.delete(deletion).await {
                 Ok(()) => {
+                    self.store.checkpoints.forget(session_id);
                     live.mark_gone();
                     self.live.forget(session_id, &live);
                     return Ok(());

@@ -1,4 +1,5 @@
-//! States of earlier revisions: a few are kept, and what is not kept is computed again from the nearest one before it.
+//! States of earlier revisions: a few are kept, and what is not kept is computed again from the nearest one or the
+//! latest checkpoint before it.
 //!
 //! One computation at a time goes on in a session, whoever began it and whether or not anybody waits for it still, so
 //! that each revision is reached in the end, however short the deadlines are.
@@ -12,9 +13,6 @@ use super::live::{Head, Live, Replayed};
 use super::{Aggregate, Sessions, detached};
 use crate::compute::Queue;
 use crate::error::Error;
-
-/// Events between two states that are kept on the way to a later one.
-const STEP: i64 = 32;
 
 /// The states used last, the newest use in front.
 #[derive(Debug)]
@@ -81,23 +79,11 @@ impl<S: Aggregate> Sessions<S> {
         let session_id = newest.identity().0;
         let until = Instant::now() + self.limits.recompute_timeout;
         let retractions = self.retractions(session_id, revision).await?;
-        let mut nearest = self.past.nearest(newest, revision, |kept| retractions.agree_at(kept));
-        loop {
-            let reached = nearest.as_ref().map_or(0, |state| state.revision());
-            if let Some(state) = nearest.clone().filter(|_| reached == revision) {
-                return Ok(state);
-            }
-            let mut steps = (reached + STEP).min(revision)..=revision;
-            let next = steps.find(|&step| retractions.agree_at(step)).unwrap_or(revision);
-            // Each event is checked by the one before it, so where the kept state ends need not be known.
-            let from = nearest.map(|state| Replayed { state, head: Head::empty(session_id) });
-            let state = self.replay(session_id, from, next, queue, until).await?.state;
-            self.past.keep(state.clone());
-            if state.revision() < next {
-                // The log was found damaged: this is what is sound of it.
-                return Ok(state);
-            }
-            nearest = Some(state);
-        }
+        let nearest = self.past.nearest(newest, revision, |kept| retractions.agree_at(kept));
+        // Each event is checked by the one before it, so where the kept state ends need not be known.
+        let from = nearest.map(|state| Replayed { state, head: Head::empty(session_id) });
+        let state = self.replay(session_id, from, revision, queue, until).await?.state;
+        self.past.keep(state.clone());
+        Ok(state)
     }
 }

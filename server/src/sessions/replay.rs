@@ -4,15 +4,46 @@ use std::sync::Arc;
 
 use tokio::time::Instant;
 
+use super::checkpoint::checkpoint_after;
 use super::live::{Head, Live, Replayed};
 use super::retraction::Retractions;
 use super::{ATTEMPTS, Aggregate, FoldError, Folding, Sessions, contended};
 use crate::compute::Queue;
 use crate::error::Error;
-use crate::store::{Damage, Event, SessionRow, StoreError};
+use crate::store::{Checkpoint, Damage, Event, SessionRow, StoreError};
 
 /// Events folded in one job, so that a long log does not keep a thread from others.
 const PAGE: i64 = 16;
+
+/// How events are folded.
+#[derive(Clone, Debug)]
+pub(super) enum Manner {
+    /// Each state is computed, and compared with what was recorded.
+    Computing,
+    /// States are left out: a checkpoint gives back the last one.
+    Deferring,
+    /// The state is given back by a checkpoint, and compared with what was recorded.
+    Restoring(Checkpoint),
+}
+
+/// Where a fold begins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Begin {
+    /// Where the latest checkpoint takes it.
+    AtCheckpoint,
+    /// At the first event, or where it was left.
+    AsItIs,
+}
+
+/// What is folded, and until when.
+#[derive(Clone, Copy)]
+pub(super) struct Task<'a> {
+    pub(super) row: &'a SessionRow,
+    /// What is left out of its log.
+    pub(super) retractions: &'a Retractions,
+    pub(super) queue: Queue,
+    pub(super) deadline: Instant,
+}
 
 /// How far a log could be folded.
 pub(super) struct Folded<S> {
@@ -59,15 +90,13 @@ impl<S: Aggregate> Sessions<S> {
             .reached
             .as_ref()
             .map(|Replayed { state, head }| Replayed { state: state.clone(), head: *head });
-        let reached = self.replay(session_id, from, to, queue, deadline).await?;
+        let reached = self.folded(session_id, from, to, Begin::AsItIs, queue, deadline).await?;
         let state = reached.state.clone();
         fold.reached = Some(reached);
         Ok(state)
     }
 
-    /// Folds the events after `from` up to the revision `to`, or as many as there are.
-    ///
-    /// A log that is damaged gives its last sound state, quarantined.
+    /// The state at the revision `to`, or at the last one there is, by way of what is in memory and of checkpoints.
     ///
     /// # Errors
     /// There is no such session, not even its first event is sound, or the log cannot be read in time.
@@ -76,6 +105,24 @@ impl<S: Aggregate> Sessions<S> {
         session_id: &str,
         from: Option<Replayed<S>>,
         to: i64,
+        queue: Queue,
+        deadline: Instant,
+    ) -> Result<Replayed<S>, Error> {
+        self.folded(session_id, from, to, Begin::AtCheckpoint, queue, deadline).await
+    }
+
+    /// Folds the events after `from` up to the revision `to`, or as many as there are.
+    ///
+    /// A log that is damaged gives its last sound state, quarantined.
+    ///
+    /// # Errors
+    /// There is no such session, not even its first event is sound, or the log cannot be read in time.
+    async fn folded(
+        &self,
+        session_id: &str,
+        from: Option<Replayed<S>>,
+        to: i64,
+        begin: Begin,
         queue: Queue,
         deadline: Instant,
     ) -> Result<Replayed<S>, Error> {
@@ -89,8 +136,12 @@ impl<S: Aggregate> Sessions<S> {
                 Some(from) => (Some(from.state.clone()), from.head),
                 None => (None, Head::empty(session_id)),
             };
-            let start = Folded { state, head, damage: None };
-            let folded = self.fold_on(&row, start, end, &retractions, queue, deadline).await?;
+            let task = Task { row: &row, retractions: &retractions, queue, deadline };
+            let mut start = Folded { state, head, damage: None };
+            if begin == Begin::AtCheckpoint {
+                start = self.jumped(task, start, end).await?;
+            }
+            let folded = self.fold_on(task, start, end).await?;
             let Some(damage) = folded.damage else {
                 let state = folded.state.ok_or_else(|| not_found(session_id))?;
                 if row.damage().is_some() && from.is_none() && to >= row.head {
@@ -107,18 +158,38 @@ impl<S: Aggregate> Sessions<S> {
         Err(contended())
     }
 
+    /// Folds the events up to `end`, and sees whether the log ends as its row says.
     pub(super) async fn fold_on(
         &self,
-        row: &SessionRow,
+        task: Task<'_>,
         start: Folded<S>,
         end: i64,
-        retractions: &Retractions,
-        mut queue: Queue,
-        deadline: Instant,
     ) -> Result<Folded<S>, Error> {
+        let mut folded = self.fold_pages(task, start, end, Manner::Computing).await?;
+        let (row, last) = (task.row, folded.revision());
+        if folded.damage.is_some() || (end < row.head && last == end) {
+            return Ok(folded);
+        }
+        let is_another = |state: &Arc<S>| state.identity().1 != row.created_us;
+        let disagreement = row.disagreement(last, &folded.head.link).or_else(|| {
+            folded.state.as_ref().is_some_and(is_another).then(|| "was created at another time".to_owned())
+        });
+        let damage = |reason| Damage { session_id: row.session_id.clone(), sound: last, reason };
+        folded.damage = disagreement.map(damage);
+        Ok(folded)
+    }
+
+    /// Folds the events up to `end` in one manner, or as many as there are and are sound.
+    pub(super) async fn fold_pages(
+        &self,
+        task: Task<'_>,
+        start: Folded<S>,
+        end: i64,
+        manner: Manner,
+    ) -> Result<Folded<S>, Error> {
+        let Task { row, retractions, mut queue, deadline } = task;
         let session_id = row.session_id.as_str();
         let mut folded = start;
-        let damage = |sound: i64, reason: String| Damage { session_id: session_id.to_owned(), sound, reason };
         loop {
             let after = folded.revision();
             if after >= end {
@@ -132,23 +203,19 @@ impl<S: Aggregate> Sessions<S> {
                 break;
             }
             let (folding, id, retractions) = (self.folding, session_id.to_owned(), retractions.clone());
-            let fold = move || fold_page(folding, &id, folded, &page, &retractions);
-            folded = self.pool.run(queue, session_id, deadline, fold).await?;
+            let manner = manner.clone();
+            let fold = move || fold_page(folding, &id, folded, &page, &retractions, &manner);
+            let (reached, checkpoints) = self.pool.run(queue, session_id, deadline, fold).await?;
+            for checkpoint in checkpoints {
+                self.store.checkpoints.keep((session_id, row.created_us), checkpoint);
+            }
+            folded = reached;
             if folded.damage.is_some() {
                 return Ok(folded);
             }
             // What has begun is not given up because others came meanwhile.
             queue = queue.patient();
         }
-        let last = folded.revision();
-        if end < row.head && last == end {
-            return Ok(folded);
-        }
-        let is_another = |state: &Arc<S>| state.identity().1 != row.created_us;
-        let disagreement = row.disagreement(last, &folded.head.link).or_else(|| {
-            folded.state.as_ref().is_some_and(is_another).then(|| "was created at another time".to_owned())
-        });
-        folded.damage = disagreement.map(|reason| damage(last, reason));
         Ok(folded)
     }
 
@@ -205,21 +272,38 @@ impl<S: Aggregate> Sessions<S> {
 }
 
 impl<S: Aggregate> Folded<S> {
-    fn revision(&self) -> i64 {
+    pub(super) fn revision(&self) -> i64 {
         self.state.as_ref().map_or(0, |state| state.revision())
+    }
+
+    /// The same fold, from where states are left out.
+    pub(super) fn deferring(&self) -> Self {
+        Self {
+            state: self.state.as_ref().map(|state| Arc::new(state.deferring())),
+            head: self.head,
+            damage: None,
+        }
     }
 }
 
+/// Folds some events; with the checkpoints of the states that were computed.
 pub(super) fn fold_page<S: Aggregate>(
     folding: Folding<S>,
     session_id: &str,
     mut folded: Folded<S>,
     page: &[Event],
     retractions: &Retractions,
-) -> Folded<S> {
+    manner: &Manner,
+) -> (Folded<S>, Vec<Checkpoint>) {
+    let mut checkpoints = Vec::new();
     for row in page {
-        match next(folding, folded.state.as_deref(), row, retractions) {
+        let before = folded.state.as_deref();
+        match next(folding, before, row, retractions, manner) {
             Ok(next) => {
+                if matches!(manner, Manner::Computing) && retractions.agree_at(row.seq) {
+                    let before = before.filter(|before| retractions.agree_at(before.revision()));
+                    checkpoints.extend(checkpoint_after(before, &next));
+                }
                 folded.head =
                     Head { link: row.link(&folded.head.link), bytes: folded.head.bytes + row.bytes() };
                 folded.state = Some(Arc::new(next));
@@ -232,26 +316,37 @@ pub(super) fn fold_page<S: Aggregate>(
             }
         }
     }
-    folded
+    (folded, checkpoints)
 }
 
-/// The state after one more event, which must be the one that was recorded.
+/// The state after one more event, which must be the one that was recorded, unless states are left out.
 fn next<S: Aggregate>(
     folding: Folding<S>,
     before: Option<&S>,
     row: &Event,
     retractions: &Retractions,
+    manner: &Manner,
 ) -> Result<S, FoldError> {
     let next = match before {
         Some(before) if retractions.leaves_out(row.seq) => before.without_event(row),
         _ => (folding.fold)(before, row)?,
+    };
+    let next = match manner {
+        Manner::Computing => next,
+        // After one that defers, it defers already.
+        Manner::Deferring => return Ok(if before.is_none() { next.deferring() } else { next }),
+        Manner::Restoring(checkpoint) => {
+            let unreadable =
+                || FoldError { seq: row.seq, reason: "its checkpoint cannot be read".to_owned() };
+            next.deferring().restored(&checkpoint.bytes).ok_or_else(unreadable)?
+        }
     };
     if retractions.agree_at(row.seq) { checked(next, row) } else { Ok(next) }
 }
 
 /// The same state, where it is the one that was recorded; one of another version may differ.
 fn checked<S: Aggregate>(state: S, row: &Event) -> Result<S, FoldError> {
-    if row.algorithm_version != S::ALGORITHM_VERSION || row.state_hash == state.state_hash() {
+    if row.algorithm_version != S::algorithm_version() || row.state_hash == state.state_hash() {
         return Ok(state);
     }
     let reason =

@@ -12,7 +12,7 @@ use std::sync::Arc;
 use tokio::time::Instant;
 
 use super::live::Head;
-use super::replay::Folded;
+use super::replay::{Folded, Task};
 use super::{Aggregate, Computed, Recompute, Sessions, StoredEvent};
 use crate::compute::Queue;
 use crate::error::Error;
@@ -77,7 +77,9 @@ impl<S: Aggregate> Sessions<S> {
         let row = self.row(&session_id).await?;
         let retractions = self.retractions(&session_id, head).await?.and(head + 1, seq);
         let start = Folded { state: None, head: Head::empty(&session_id), damage: None };
-        let folded = self.fold_on(&row, start, head, &retractions, Queue::ROBOTS, deadline).await?;
+        let task = Task { row: &row, retractions: &retractions, queue: Queue::ROBOTS, deadline };
+        let start = self.jumped(task, start, seq - 1).await?;
+        let folded = self.fold_on(task, start, head).await?;
         let without = match (folded.state, folded.damage) {
             (Some(state), None) => state,
             (_, damage) => {

@@ -24,7 +24,9 @@ struct Toy {
 }
 
 impl Aggregate for Toy {
-    const ALGORITHM_VERSION: &'static str = "toy";
+    fn algorithm_version() -> &'static str {
+        "toy"
+    }
 
     fn identity(&self) -> (&str, i64) {
         (&self.id, self.created_us)
@@ -46,6 +48,24 @@ impl Aggregate for Toy {
         let mut after = self.clone();
         after.bytes.push(LEFT_OUT);
         after
+    }
+
+    fn deferring(&self) -> Self {
+        Self { bytes: vec![LOST; self.bytes.len()], ..self.clone() }
+    }
+
+    fn checkpoint(&self) -> Option<Vec<u8>> {
+        Some(self.bytes.clone())
+    }
+
+    /// Every other state has a checkpoint of its own only.
+    fn shares_checkpoint_with(&self, _before: &Self) -> bool {
+        self.bytes.len() % 2 == 0
+    }
+
+    fn restored(&self, checkpoint: &[u8]) -> Option<Self> {
+        let is_of_this = checkpoint.len() == self.bytes.len();
+        is_of_this.then(|| Self { bytes: checkpoint.to_vec(), ..self.clone() })
     }
 
     fn quarantined(&self, _reason: &str, _head: i64) -> Self {
@@ -92,6 +112,8 @@ impl Toy {
 /// What is in the place of an event that was retracted, and of the retraction.
 const LEFT_OUT: u8 = 5;
 const RETRACTION: u8 = 6;
+/// What is in the place of an event whose state is left out.
+const LOST: u8 = 7;
 /// The body of a request that the method refuses.
 const REFUSED: u8 = 3;
 /// The body of a request that is answered and changes nothing.
@@ -466,4 +488,42 @@ fn any_sequence_of_operations_ends_as_the_model_says() {
     let failures: Vec<String> =
         outcomes.into_iter().filter_map(Result::err).map(|failure| failure.to_string()).collect();
     assert!(failures.is_empty(), "PALPATE_TEST_SEED={seed} runs this again: {}", failures.join("\n"));
+}
+
+/// How far a fold towards the event `end` comes at once.
+async fn jumped_to(sessions: &Sessions<Toy>, id: &str, end: i64) -> (i64, Option<Vec<u8>>) {
+    let row = sessions.store.session(id).await.unwrap().unwrap();
+    let retractions = sessions.retractions(id, end).await.unwrap();
+    let task = replay::Task { row: &row, retractions: &retractions, queue: Queue::READERS, deadline: soon() };
+    let start = replay::Folded { state: None, head: Head::empty(id), damage: None };
+    let jumped = sessions.jumped(task, start, end).await.unwrap();
+    (jumped.revision(), jumped.state.map(|toy| toy.bytes.clone()))
+}
+
+#[test]
+fn a_fold_goes_on_from_the_latest_checkpoint_and_from_none_that_is_not_of_the_log() {
+    let mut world = World::new();
+    world.create(0, NO_ID, 1).unwrap();
+    for body in [0, 1, 2, 0, 1, 2, 0, 1, 2] {
+        let change = world.append(0, NO_ID, body, None);
+        world.runtime.block_on(world.sessions.change(change, soon())).unwrap();
+    }
+    let id = world.id(0);
+    world.sessions = world.runtime.block_on(open(&world.folder));
+    let World { runtime, sessions, .. } = &world;
+    let jumped = |end| runtime.block_on(jumped_to(sessions, &id, end));
+    // Every other state has a checkpoint.
+    assert_eq!(jumped(8), (7, Some(vec![1, 0, 1, 2, 0, 1, 2])));
+    assert_eq!(jumped(10).0, 9);
+    assert_eq!(jumped(2), (1, Some(vec![1])));
+    // One of another log: the right length, and another state.
+    let state = runtime.block_on(sessions.newest(&id, soon())).unwrap();
+    let wrong = Toy { bytes: vec![0; 9], ..(*state).clone() };
+    let (seq, bytes) = (9, wrong.bytes.clone());
+    let checkpoint = crate::store::Checkpoint { seq, state_hash: wrong.state_hash(), bytes };
+    sessions.store.checkpoints.keep(wrong.identity(), checkpoint);
+    assert_eq!(jumped(10), (0, None));
+    assert_eq!(jumped(10), (0, None), "none of them is believed any more");
+    let read = runtime.block_on(sessions.at_revision(&id, 9, Queue::READERS, soon())).unwrap();
+    assert_eq!(read.bytes, [1, 0, 1, 2, 0, 1, 2, 0, 1]);
 }

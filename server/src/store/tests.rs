@@ -3,7 +3,7 @@
 use super::*;
 
 async fn open(folder: &tempfile::TempDir) -> Store {
-    Store::open(&path(folder), &Limits::default()).await.unwrap()
+    Store::open(&path(folder), "1", &Limits::default()).await.unwrap()
 }
 
 fn path(folder: &tempfile::TempDir) -> std::path::PathBuf {
@@ -151,7 +151,7 @@ async fn a_full_disk_is_told_apart_and_forgotten_once_there_is_room() {
     let pages: i64 = sqlx::query_scalar("pragma page_count").fetch_one(&mut opened.connection).await.unwrap();
     let bound = sqlx::AssertSqlSafe(format!("pragma max_page_count = {}", pages + 12));
     sqlx::query(bound).execute(&mut opened.connection).await.unwrap();
-    let store = Store::over(opened, open::readers(&path).await.unwrap(), &Limits::default());
+    let store = Store::over(opened, open::readers(&path).await.unwrap(), "1", &Limits::default());
     store.begin("mug", event(1, "a")).await.unwrap();
     let large = Event { payload: vec![7; 200_000], ..event(2, "b") };
     assert!(matches!(store.add("mug", large).await, Err(StoreError::Full)));

@@ -4,7 +4,7 @@ use palpate_core::config::{Axes, DeclaredSymmetry, Method, Settings, StopRule, S
 use palpate_core::evidence::{Target, TouchedPoint};
 use palpate_core::exploration::{self, Approach, KeepOut, Region};
 use palpate_core::geometry::{Plane, Point, Pose, Vector};
-use palpate_core::reconstruction::{ALGORITHM_VERSION, Stats, StopReason};
+use palpate_core::reconstruction::{self, Stats, StopReason};
 use palpate_core::warning::{Warning, WarningKind};
 use palpate_proto::{Bytes, Duration, Timestamp, v1};
 
@@ -154,7 +154,7 @@ pub(crate) fn session(snapshot: &Snapshot) -> v1::Session {
         update_time: Some(timestamp(snapshot.updated_us.max(*created_us))),
         forked_from: origin.map(|origin| origin.session_id.clone()).unwrap_or_default(),
         forked_at_revision: origin.map_or(0, |origin| origin.revision),
-        algorithm_version: ALGORITHM_VERSION.to_owned(),
+        algorithm_version: reconstruction::version().to_owned(),
         should_stop: stop_reason(snapshot.should_stop).into(),
         finish_note: snapshot.finish_note.clone(),
         retracted_seqs: snapshot.retracted.clone(),

@@ -1,0 +1,342 @@
+//! Checkpoints: what folds go on from, in a file beside the log.
+//!
+//! They are a cache. Each can be computed again from the log, and is compared with what the log recorded when it is
+//! used; the file may be deleted at any time, is emptied when the method's version changes, and is made anew where it
+//! cannot be read. So nothing here waits for the disk, and nothing here fails a call.
+
+use std::path::{Path, PathBuf};
+
+use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqliteSynchronous};
+use sqlx::{ConnectOptions, Connection, FromRow, SqliteConnection};
+use tokio::sync::{mpsc, oneshot};
+use tokio_util::sync::CancellationToken;
+
+use super::files;
+
+/// What the name of the file has after that of the database.
+const ENDING: &str = "-checkpoints";
+/// Jobs that may wait, and that are done in one transaction.
+const QUEUE: usize = 1024;
+const BATCH: usize = 64;
+/// The part of the file that is given up, the oldest first, where it grows beyond its bound.
+const GIVEN_UP: i64 = 8;
+
+const TABLE: &str = "create table if not exists checkpoints (
+    id integer primary key, -- the oldest has the least
+    session_id text not null,
+    created_us integer not null, -- of the session
+    seq integer not null, -- the event that the state is after
+    algorithm_version text not null,
+    state_hash text not null,
+    bytes blob not null,
+    constraint checkpoints_of_an_event unique (session_id, seq)
+) strict";
+
+/// Which session, and which one of its id: when it was created, in microseconds since 1970, UTC.
+pub(crate) type Identity<'a> = (&'a str, i64);
+
+/// What gives a state back.
+#[derive(Clone, Debug, PartialEq, Eq, FromRow)]
+pub(crate) struct Checkpoint {
+    /// The event that the state is after.
+    pub(crate) seq: i64,
+    /// Of that state.
+    pub(crate) state_hash: String,
+    pub(crate) bytes: Vec<u8>,
+}
+
+/// The checkpoints of all sessions of a log.
+#[derive(Debug)]
+pub(crate) struct Checkpoints {
+    jobs: mpsc::Sender<Job>,
+    /// Cancelled when the file is closed.
+    closed: CancellationToken,
+}
+
+#[derive(Debug)]
+enum Job {
+    Keep { session_id: String, created_us: i64, checkpoint: Checkpoint },
+    Seqs { session_id: String, created_us: i64, after: i64, to: i64, found: oneshot::Sender<Vec<i64>> },
+    Get { session_id: String, seq: i64, found: oneshot::Sender<Option<Checkpoint>> },
+    Forget { session_id: String },
+    Close,
+}
+
+impl Checkpoints {
+    /// Opens the file beside a database, whose checkpoints hold for one version of the method and take up to
+    /// `most_bytes`.
+    pub(crate) fn beside(database: &Path, version: &'static str, most_bytes: u64) -> Self {
+        let (jobs, queue) = mpsc::channel(QUEUE);
+        let closed = CancellationToken::new();
+        let file = CheckpointFile { path: files::beside(database, ENDING), version, most_bytes };
+        let announce = closed.clone().drop_guard();
+        tokio::spawn(async move {
+            file.serve(queue).await;
+            drop(announce);
+        });
+        Self { jobs, closed }
+    }
+
+    /// Keeps a checkpoint, unless too much waits to be kept.
+    pub(crate) fn keep(&self, (session_id, created_us): Identity<'_>, checkpoint: Checkpoint) {
+        let _ = self.jobs.try_send(Job::Keep { session_id: session_id.to_owned(), created_us, checkpoint });
+    }
+
+    /// The latest checkpoint after one event, up to another, of those that are `usable`.
+    pub(crate) async fn latest(
+        &self,
+        (session_id, created_us): Identity<'_>,
+        after: i64,
+        to: i64,
+        usable: impl Fn(i64) -> bool,
+    ) -> Option<Checkpoint> {
+        let session_id = || session_id.to_owned();
+        let (found, seqs) = oneshot::channel();
+        self.jobs.send(Job::Seqs { session_id: session_id(), created_us, after, to, found }).await.ok()?;
+        let seq = seqs.await.ok()?.into_iter().find(|seq| usable(*seq))?;
+        let (found, checkpoint) = oneshot::channel();
+        self.jobs.send(Job::Get { session_id: session_id(), seq, found }).await.ok()?;
+        checkpoint.await.ok()?
+    }
+
+    /// Forgets the checkpoints of a session.
+    pub(crate) fn forget(&self, session_id: &str) {
+        let _ = self.jobs.try_send(Job::Forget { session_id: session_id.to_owned() });
+    }
+
+    /// Ends once what was given before is written.
+    pub(super) async fn close(&self) {
+        let _ = self.jobs.send(Job::Close).await;
+        self.closed.cancelled().await;
+    }
+}
+
+/// The file, and whoever writes and reads it.
+#[derive(Debug)]
+struct CheckpointFile {
+    path: PathBuf,
+    version: &'static str,
+    most_bytes: u64,
+}
+
+impl CheckpointFile {
+    async fn serve(self, mut queue: mpsc::Receiver<Job>) {
+        let mut connection = self.opened().await;
+        let mut jobs = Vec::with_capacity(BATCH);
+        while queue.recv_many(&mut jobs, BATCH).await > 0 {
+            let ends = jobs.iter().any(|job| matches!(job, Job::Close));
+            if let Some(open) = &mut connection
+                && let Err(failure) = self.serve_all(open, &mut jobs).await
+            {
+                tracing::warn!(%failure, path = %self.path.display(), "checkpoints are made anew: sessions open slower");
+                drop(connection.take());
+                connection = self.anew().await;
+            }
+            // Who asked is told that there is none.
+            jobs.clear();
+            if ends {
+                break;
+            }
+        }
+        if let Some(connection) = connection {
+            let _ = connection.close().await;
+        }
+    }
+
+    async fn opened(&self) -> Option<SqliteConnection> {
+        match self.open().await {
+            Ok(connection) => Some(connection),
+            Err(_) => self.anew().await,
+        }
+    }
+
+    async fn anew(&self) -> Option<SqliteConnection> {
+        for ending in ["", "-wal", "-shm"] {
+            let _ = std::fs::remove_file(files::beside(&self.path, ending));
+        }
+        let opened = self.open().await;
+        let complain = |failure: &sqlx::Error| {
+            tracing::warn!(%failure, path = %self.path.display(), "no checkpoints are kept: sessions open slower");
+        };
+        opened.inspect_err(complain).ok()
+    }
+
+    async fn open(&self) -> Result<SqliteConnection, sqlx::Error> {
+        files::create_private(&self.path)?;
+        // What a crash leaves half written is found, and then made anew.
+        let options = SqliteConnectOptions::new()
+            .filename(&self.path)
+            .journal_mode(SqliteJournalMode::Wal)
+            .synchronous(SqliteSynchronous::Off);
+        let mut connection = options.connect().await?;
+        sqlx::query(TABLE).execute(&mut connection).await?;
+        let others = sqlx::query("delete from checkpoints where algorithm_version <> $1");
+        others.bind(self.version).execute(&mut connection).await?;
+        Ok(connection)
+    }
+
+    async fn serve_all(
+        &self,
+        connection: &mut SqliteConnection,
+        jobs: &mut Vec<Job>,
+    ) -> Result<(), sqlx::Error> {
+        let mut transaction = connection.begin().await?;
+        let mut has_grown = false;
+        for job in jobs.drain(..) {
+            has_grown |= matches!(job, Job::Keep { .. });
+            self.serve_one(&mut transaction, job).await?;
+        }
+        if has_grown {
+            self.keep_within_bounds(&mut transaction).await?;
+        }
+        transaction.commit().await
+    }
+
+    async fn serve_one(&self, connection: &mut SqliteConnection, job: Job) -> Result<(), sqlx::Error> {
+        match job {
+            Job::Keep { session_id, created_us, checkpoint: Checkpoint { seq, state_hash, bytes } } => {
+                sqlx::query(
+                    "insert or replace into checkpoints
+                         (session_id, created_us, seq, algorithm_version, state_hash, bytes)
+                     values ($1, $2, $3, $4, $5, $6)",
+                )
+                .bind(session_id)
+                .bind(created_us)
+                .bind(seq)
+                .bind(self.version)
+                .bind(state_hash)
+                .bind(bytes)
+                .execute(connection)
+                .await?;
+            }
+            Job::Seqs { session_id, created_us, after, to, found } => {
+                let query = sqlx::query_scalar(
+                    "select seq from checkpoints
+                     where session_id = $1 and created_us = $2 and seq > $3 and seq <= $4 order by seq desc",
+                );
+                let query = query.bind(session_id).bind(created_us).bind(after).bind(to);
+                let _ = found.send(query.fetch_all(connection).await?);
+            }
+            Job::Get { session_id, seq, found } => {
+                let query = sqlx::query_as(
+                    "select seq, state_hash, bytes from checkpoints where session_id = $1 and seq = $2",
+                );
+                let _ = found.send(query.bind(session_id).bind(seq).fetch_optional(connection).await?);
+            }
+            Job::Forget { session_id } => {
+                let query = sqlx::query("delete from checkpoints where session_id = $1");
+                query.bind(session_id).execute(connection).await?;
+            }
+            Job::Close => {}
+        }
+        Ok(())
+    }
+
+    async fn keep_within_bounds(&self, connection: &mut SqliteConnection) -> Result<(), sqlx::Error> {
+        let used: i64 = sqlx::query_scalar(
+            "select (page_count - freelist_count) * page_size
+             from pragma_page_count, pragma_freelist_count, pragma_page_size",
+        )
+        .fetch_one(&mut *connection)
+        .await?;
+        if u64::try_from(used).unwrap_or(0) > self.most_bytes {
+            sqlx::query(
+                "delete from checkpoints
+                 where id <= (select min(id) + (max(id) - min(id)) / $1 from checkpoints)",
+            )
+            .bind(GIVEN_UP)
+            .execute(connection)
+            .await?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MOST_BYTES: u64 = 1 << 20;
+
+    fn checkpoint(seq: i64, size: usize) -> Checkpoint {
+        Checkpoint { seq, state_hash: format!("hash of {seq}"), bytes: vec![seq as u8; size] }
+    }
+
+    struct Folder(tempfile::TempDir);
+
+    impl Folder {
+        fn new() -> Self {
+            Self(tempfile::tempdir().unwrap())
+        }
+
+        fn database(&self) -> PathBuf {
+            self.0.path().join("palpate.db")
+        }
+
+        fn open(&self, version: &'static str) -> Checkpoints {
+            Checkpoints::beside(&self.database(), version, MOST_BYTES)
+        }
+    }
+
+    async fn seqs(checkpoints: &Checkpoints, identity: Identity<'_>) -> Vec<i64> {
+        let mut found = Vec::new();
+        let mut to = i64::MAX;
+        while let Some(latest) = checkpoints.latest(identity, 0, to, |_| true).await {
+            found.push(latest.seq);
+            to = latest.seq - 1;
+        }
+        found
+    }
+
+    #[tokio::test]
+    async fn the_latest_usable_one_of_the_right_session_is_found_also_after_a_restart() {
+        let folder = Folder::new();
+        let checkpoints = folder.open("1");
+        (2..9).for_each(|seq| checkpoints.keep(("ball", 7), checkpoint(seq, 10)));
+        checkpoints.close().await;
+        let checkpoints = folder.open("1");
+        assert_eq!(checkpoints.latest(("ball", 7), 0, 6, |_| true).await, Some(checkpoint(6, 10)));
+        assert_eq!(checkpoints.latest(("ball", 7), 0, 6, |seq| seq < 4).await, Some(checkpoint(3, 10)));
+        assert_eq!(checkpoints.latest(("ball", 7), 6, 6, |_| true).await, None);
+        assert_eq!(checkpoints.latest(("ball", 8), 0, 6, |_| true).await, None, "created at another time");
+        assert_eq!(checkpoints.latest(("mug", 7), 0, 6, |_| true).await, None);
+        checkpoints.forget("ball");
+        assert!(seqs(&checkpoints, ("ball", 7)).await.is_empty());
+    }
+
+    #[tokio::test]
+    async fn those_of_another_version_are_dropped() {
+        let folder = Folder::new();
+        let checkpoints = folder.open("1");
+        checkpoints.keep(("ball", 7), checkpoint(2, 10));
+        checkpoints.close().await;
+        let checkpoints = folder.open("2");
+        assert!(seqs(&checkpoints, ("ball", 7)).await.is_empty());
+    }
+
+    #[tokio::test]
+    async fn a_file_that_is_none_is_made_anew() {
+        let folder = Folder::new();
+        std::fs::write(files::beside(&folder.database(), ENDING), vec![0x5a; 9000]).unwrap();
+        let checkpoints = folder.open("1");
+        checkpoints.keep(("ball", 7), checkpoint(2, 10));
+        assert_eq!(seqs(&checkpoints, ("ball", 7)).await, [2]);
+    }
+
+    #[tokio::test]
+    async fn the_oldest_are_given_up_where_they_take_too_much() {
+        let folder = Folder::new();
+        let checkpoints = folder.open("1");
+        for seq in 2..402 {
+            checkpoints.keep(("ball", 7), checkpoint(seq, 10_000));
+            // All are given to the file, however slow it is.
+            assert!(checkpoints.latest(("ball", 7), seq - 1, seq, |_| true).await.is_some());
+        }
+        let left = seqs(&checkpoints, ("ball", 7)).await;
+        assert_eq!(left[0], 401);
+        assert!((40..=110).contains(&left.len()), "{} of 10 kB in 1 MiB", left.len());
+        checkpoints.close().await;
+        let bytes = std::fs::metadata(files::beside(&folder.database(), ENDING)).unwrap().len();
+        assert!(bytes < 2 * MOST_BYTES, "{bytes}");
+    }
+}
