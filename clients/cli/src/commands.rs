@@ -1,5 +1,6 @@
 //! The program's commands, one file each.
 
+mod bench;
 mod completions;
 mod demo;
 mod evaluate;
@@ -32,6 +33,9 @@ pub(crate) enum Command {
     /// Compare strategies on many objects and seeds, with tables and plots.
     #[command(long_about = evaluate::ABOUT)]
     Evaluate(evaluate::Args),
+    /// Measure how many robots a server carries.
+    #[command(long_about = bench::ABOUT)]
+    Bench(bench::Args),
     /// List the sessions of a running server.
     #[command(name = "ls", long_about = list::ABOUT)]
     List(list::Args),
@@ -63,6 +67,7 @@ impl Command {
             Self::Serve(args) => serve::run(args).await,
             Self::Explore(args) => explore::run(args).await,
             Self::Evaluate(args) => evaluate::run(args).await,
+            Self::Bench(args) => bench::run(args).await,
             Self::List(args) => list::run(args).await,
             Self::Fork(args) => fork::run(args).await,
             Self::Replay(args) => replay::run(args).await,
@@ -80,6 +85,7 @@ impl Command {
             Self::Demo(_)
             | Self::Explore(_)
             | Self::Evaluate(_)
+            | Self::Bench(_)
             | Self::List(_)
             | Self::Fork(_)
             | Self::Replay(_)

@@ -13,8 +13,8 @@
 use palpate_client::proto::v1::contact_result::Outcome as ReportedOutcome;
 use palpate_client::proto::v1::{
     AddVisualPriorRequest, Candidate, Contact, ContactResult, CreateSessionRequest, GetMeshRequest,
-    MeshFormat, NoContact, Pose as WirePose, Quaternion, ReportContactRequest, RobotContext, Session,
-    StopReason, Vector3, Wrench, mesh,
+    MeshFormat, NoContact, Pose as WirePose, Quaternion, ReportContactRequest, ReportContactResponse,
+    RobotContext, Session, StopReason, Vector3, Wrench, mesh,
 };
 use palpate_client::{Client, Error as ClientError};
 use palpate_core::geometry::{Point, Pose, TriangleMesh, Vector};
@@ -40,6 +40,13 @@ pub struct Plan {
     pub probe: ProbeSettings,
     /// What goes wrong.
     pub faults: Faults,
+}
+
+/// An approach that was made and is to be reported.
+#[derive(Clone, Debug)]
+pub struct Touched {
+    outcome: Outcome,
+    candidate: Candidate,
 }
 
 /// One attempt to touch and what the server made of it.
@@ -148,6 +155,16 @@ impl<'a> Robot<'a> {
     /// # Errors
     /// [`RobotError`] if the server refuses or does not answer.
     pub async fn step(&mut self) -> Result<Option<Attempt>, RobotError> {
+        let Some((touched, report)) = self.touch()? else { return Ok(None) };
+        let reply = self.client.report_contact(report).await?;
+        self.accept(touched, reply).map(Some)
+    }
+
+    /// Makes the next approach, and says how it ended as it is to be reported; `None` when the exploration is finished.
+    ///
+    /// # Errors
+    /// [`RobotError::IncompleteReply`] if the candidate does not say where to touch.
+    pub fn touch(&mut self) -> Result<Option<(Touched, ReportContactRequest)>, RobotError> {
         if self.attempts_left == 0 || self.session.should_stop() != StopReason::Unspecified {
             return Ok(None);
         }
@@ -160,26 +177,32 @@ impl<'a> Robot<'a> {
         };
         let outcome = self.scene.touch(approach);
         let robot = RobotContext { tool_pose: ended_at(&outcome, &candidate), ..RobotContext::default() };
-        let reply = self
-            .client
-            .report_contact(ReportContactRequest {
-                session_id: self.session.session_id.clone(),
-                result: Some(ContactResult {
-                    candidate_id: candidate.candidate_id.clone(),
-                    outcome: Some(reported(&outcome, approach, self.sweep_radius_m)),
-                    ..ContactResult::default()
-                }),
-                propose: 1,
-                robot: Some(robot),
-                ..ReportContactRequest::default()
-            })
-            .await?;
+        let report = ReportContactRequest {
+            session_id: self.session.session_id.clone(),
+            result: Some(ContactResult {
+                candidate_id: candidate.candidate_id.clone(),
+                outcome: Some(reported(&outcome, approach, self.sweep_radius_m)),
+                ..ContactResult::default()
+            }),
+            propose: 1,
+            robot: Some(robot),
+            ..ReportContactRequest::default()
+        };
+        Ok(Some((Touched { outcome, candidate }, report)))
+    }
+
+    /// Goes on with the reply to a report.
+    ///
+    /// # Errors
+    /// [`RobotError::IncompleteReply`] if it lacks what every server fills.
+    pub fn accept(&mut self, touched: Touched, reply: ReportContactResponse) -> Result<Attempt, RobotError> {
+        let Touched { outcome, candidate } = touched;
         self.session = reply.session.ok_or(RobotError::IncompleteReply("session"))?;
         self.next = reply.candidates.into_iter().next();
         self.attempts_left -= 1;
         self.attempt += 1;
         let stats = self.session.stats.as_ref().ok_or(RobotError::IncompleteReply("session.stats"))?;
-        Ok(Some(Attempt {
+        Ok(Attempt {
             number: self.attempt,
             outcome,
             candidate,
@@ -187,7 +210,7 @@ impl<'a> Robot<'a> {
             revision: self.session.revision,
             warnings: reply.warnings,
             should_stop: self.session.should_stop(),
-        }))
+        })
     }
 
     /// The estimate at the session's revision.

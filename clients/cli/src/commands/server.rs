@@ -14,7 +14,7 @@ pub(super) struct ServerArgs {
         value_name = "URL",
         default_value = "http://127.0.0.1:7257"
     )]
-    #[arg(value_parser = server)]
+    #[arg(value_parser = address)]
     pub(super) url: String,
 }
 
@@ -25,7 +25,7 @@ impl ServerArgs {
 }
 
 /// An address of a server; encrypted ones are refused, as nothing would be encrypted.
-fn server(text: &str) -> Result<String, String> {
+pub(super) fn address(text: &str) -> Result<String, String> {
     match text.split_once("://") {
         Some(("https", rest)) => Err(format!(
             "this version does not speak TLS: write http://{rest} if the way there may be read by others, or let a \
@@ -43,9 +43,9 @@ mod tests {
 
     #[test]
     fn an_encrypted_address_is_refused_and_a_bare_one_is_completed() {
-        assert!(server("https://127.0.0.1:7257").unwrap_err().contains("write http://127.0.0.1:7257"));
-        assert!(server("ftp://lab").unwrap_err().contains("write http://lab"));
-        assert_eq!(server("127.0.0.1:7257"), Ok("http://127.0.0.1:7257".to_owned()));
-        assert_eq!(server("http://lab:7257"), Ok("http://lab:7257".to_owned()));
+        assert!(address("https://127.0.0.1:7257").unwrap_err().contains("write http://127.0.0.1:7257"));
+        assert!(address("ftp://lab").unwrap_err().contains("write http://lab"));
+        assert_eq!(address("127.0.0.1:7257"), Ok("http://127.0.0.1:7257".to_owned()));
+        assert_eq!(address("http://lab:7257"), Ok("http://lab:7257".to_owned()));
     }
 }
