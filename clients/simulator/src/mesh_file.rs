@@ -80,7 +80,8 @@ fn format(extension: &str) -> Result<MeshFormat, MeshProblem> {
 }
 
 fn body(bytes: &[u8], format: MeshFormat, scale: f64) -> Result<Body, MeshProblem> {
-    let mut mesh = mesh_file::read(bytes, format, usize::MAX)?;
+    // Whatever a file declares, each vertex and each triangle takes some of its bytes.
+    let mut mesh = mesh_file::read(bytes, format, bytes.len())?;
     mesh.vertices.iter_mut().for_each(|vertex| vertex.coords *= scale);
     Ok(Body::new(&mesh)?)
 }
@@ -97,6 +98,15 @@ mod tests {
         let path = folder.path().join(name);
         std::fs::write(&path, bytes).unwrap();
         read(&path, scale)
+    }
+
+    #[test]
+    fn elements_that_take_no_bytes_are_refused_before_they_are_read() {
+        let file = b"ply\nformat binary_little_endian 1.0\nelement nothing 430000000076770\nelement vertex 4\n\
+            property float x\nproperty float y\nproperty float z\nelement face 4\n\
+            property list uchar int vertex_indices\nend_header\n";
+        let refusal = parse("ply", file, 1.0).unwrap_err().to_string();
+        assert!(refusal.contains("elements"), "{refusal}");
     }
 
     #[test]
