@@ -74,6 +74,15 @@ pub struct Raised {
     pub(crate) rigid: Vec<(Group, RigidOffset)>,
 }
 
+impl Raised {
+    /// What it takes in memory, in bytes, by its largest parts.
+    pub(crate) fn bytes(&self) -> usize {
+        /// Height, deviations and the point of the template.
+        const VERTEX: usize = 80;
+        VERTEX * self.heights_m.len() + self.process.bytes()
+    }
+}
+
 /// Raises the template's surface to what was measured, and holds it back from what was swept.
 pub(crate) fn raise(
     surface: &TemplateSurface,

@@ -114,6 +114,8 @@ pub struct Limits {
     pub sessions: u64,
     /// Sessions whose state is held in memory; the least recently used are dropped first.
     pub live_sessions: usize,
+    /// Bytes that they take, roughly.
+    pub live_bytes: usize,
     /// Past states held in memory for meshes of earlier revisions.
     pub past_states: usize,
     /// Calls that may wait for the permit to change one session.
@@ -209,6 +211,7 @@ impl Default for Limits {
             unprintable_names: false,
             sessions: 100_000,
             live_sessions: 256,
+            live_bytes: 128 << 20,
             past_states: 32,
             session_queue: 8,
             compute_queue_per_core: 16,

@@ -409,6 +409,10 @@ impl Aggregate for Snapshot {
         self.revision
     }
 
+    fn bytes(&self) -> usize {
+        self.reconstruction.bytes()
+    }
+
     fn state_hash(&self) -> String {
         hex(&self.digest)
     }

@@ -41,7 +41,7 @@ pub(crate) use aggregate::{
     Aggregate, Computed, Created, Decision, FoldError, Folding, Recompute, StoredEvent,
 };
 pub(crate) use copying::{Carried, Copy, Original, Takeover};
-use live::{Head, Live, LiveSessions, Replayed};
+use live::{Head, Live, LiveSessions, Replayed, Room};
 use past::PastStates;
 use proof::Proven;
 pub(crate) use replay::FreshFold;
@@ -115,7 +115,8 @@ impl<S: Aggregate> Sessions<S> {
         limits: Arc<Limits>,
         stopping: CancellationToken,
     ) -> Self {
-        let live = LiveSessions::new(limits.live_sessions, limits.session_queue);
+        let room = Room { sessions: limits.live_sessions, bytes: limits.live_bytes, size: S::bytes };
+        let live = LiveSessions::new(room, limits.session_queue);
         let past = PastStates::new(limits.past_states);
         Self { store, pool, folding, limits, live, past, proven: Proven::default(), stopping }
     }

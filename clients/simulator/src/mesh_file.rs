@@ -102,7 +102,8 @@ mod tests {
 
     #[test]
     fn elements_that_take_no_bytes_are_refused_before_they_are_read() {
-        let file = b"ply\nformat binary_little_endian 1.0\nelement nothing 430000000076770\nelement vertex 4\n\
+        let file =
+            b"ply\nformat binary_little_endian 1.0\nelement nothing 430000000076770\nelement vertex 4\n\
             property float x\nproperty float y\nproperty float z\nelement face 4\n\
             property list uchar int vertex_indices\nend_header\n";
         let refusal = parse("ply", file, 1.0).unwrap_err().to_string();

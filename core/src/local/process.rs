@@ -205,6 +205,12 @@ impl Displacement {
         Self { prior, gram, weights: vec![0.0; count], factor, squared_size: f64::INFINITY }
     }
 
+    /// What its matrices take in memory, in bytes: correlations, with and without symmetry, and the factor.
+    pub(crate) fn bytes(&self) -> usize {
+        let count = self.weights.len();
+        count * count * (2 * size_of::<f32>() + size_of::<f64>())
+    }
+
     /// What it was conditioned with.
     pub fn prior(&self) -> &Prior {
         &self.prior

@@ -21,6 +21,11 @@ impl VertexProcess {
         Self { process, points, deviations_m }
     }
 
+    /// What its matrices take in memory, in bytes.
+    pub(crate) fn bytes(&self) -> usize {
+        self.process.bytes()
+    }
+
     /// The symmetry that the process assumes.
     pub fn symmetry(&self) -> &SymmetryFrame {
         &self.process.prior().frame

@@ -105,6 +105,15 @@ impl Reconstruction {
         }
     }
 
+    /// What it takes in memory, in bytes, by its largest parts: points, each in the ledger and in the evidence, and the
+    /// arrays of the estimate.
+    pub fn bytes(&self) -> usize {
+        const POINT: usize = 2 * 24;
+        const ATTEMPT: usize = 2 * 512;
+        let evidence = POINT * self.ledger.tallies.visual_points as usize + ATTEMPT * self.ledger.entries;
+        evidence + self.last_estimate().map_or(0, Estimate::bytes)
+    }
+
     /// A fingerprint of all that the next step rests on: equal evidence gives equal fingerprints.
     pub fn digest(&self) -> [u8; 32] {
         let mut fingerprint = Fingerprint::default();
@@ -118,6 +127,18 @@ impl Reconstruction {
 }
 
 impl Estimate {
+    fn bytes(&self) -> usize {
+        /// Place, normal, uncertainty and deviation.
+        const VERTEX: usize = 64;
+        const FACE: usize = 12;
+        let mesh = &self.surface.mesh;
+        let detail = match &self.detail {
+            Detail::Paper(_) | Detail::Gpis(_) => 0,
+            Detail::Palpate(detail) => detail.raised.bytes(),
+        };
+        VERTEX * mesh.vertices.len() + FACE * mesh.faces.len() + detail
+    }
+
     fn fingerprint(&self, fingerprint: &mut Fingerprint) {
         // Normals and connectivity follow from the mesh, and the reach from the configuration.
         let Self {

@@ -17,6 +17,9 @@ pub(crate) trait Aggregate: Send + Sync + Sized + 'static {
     /// The seq of the last event.
     fn revision(&self) -> i64;
 
+    /// What it takes in memory, roughly.
+    fn bytes(&self) -> usize;
+
     /// The digest of the state, as the log has it.
     fn state_hash(&self) -> String;
 

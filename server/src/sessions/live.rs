@@ -172,14 +172,23 @@ impl<S> Live<S> {
 pub(super) struct LiveSessions<S> {
     by_id: Mutex<HashMap<String, Arc<Live<S>>>>,
     uses: AtomicU64,
-    most: usize,
+    room: Room<S>,
     queue: usize,
 }
 
+/// How many sessions may be in memory, and how many bytes they may take, roughly.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Room<S> {
+    pub(super) sessions: usize,
+    pub(super) bytes: usize,
+    /// What a state takes.
+    pub(super) size: fn(&S) -> usize,
+}
+
 impl<S> LiveSessions<S> {
-    /// Room for `most` sessions, in each of which `queue` calls may wait for the permit.
-    pub(super) fn new(most: usize, queue: usize) -> Self {
-        Self { by_id: Mutex::default(), uses: AtomicU64::new(0), most, queue }
+    /// Sessions that have so much room, in each of which `queue` calls may wait for the permit.
+    pub(super) fn new(room: Room<S>, queue: usize) -> Self {
+        Self { by_id: Mutex::default(), uses: AtomicU64::new(0), room, queue }
     }
 
     /// The session's entry in memory, made where there is none.
@@ -189,9 +198,7 @@ impl<S> LiveSessions<S> {
             self.touch(live);
             return live.clone();
         }
-        if by_id.len() >= self.most {
-            evict(&mut by_id);
-        }
+        while self.room.is_full(&by_id) && evict(&mut by_id) {}
         let live = Arc::new(Live::new(self.queue));
         self.touch(&live);
         by_id.insert(session_id.to_owned(), live.clone());
@@ -223,13 +230,22 @@ impl<S> LiveSessions<S> {
     }
 }
 
-/// Drops the session that was used least recently and that nobody uses now.
-fn evict<S>(by_id: &mut HashMap<String, Arc<Live<S>>>) {
+impl<S> Room<S> {
+    fn is_full(&self, by_id: &HashMap<String, Arc<Live<S>>>) -> bool {
+        let taken =
+            || by_id.values().filter_map(|live| live.state()).map(|state| (self.size)(&state)).sum::<usize>();
+        by_id.len() >= self.sessions || taken() >= self.bytes
+    }
+}
+
+/// Drops the session that was used least recently and that nobody uses now; whether there is one.
+fn evict<S>(by_id: &mut HashMap<String, Arc<Live<S>>>) -> bool {
     let idle = by_id.iter().filter(|(_, live)| Arc::strong_count(live) == 1 && !live.is_watched());
     let oldest = idle.min_by_key(|(_, live)| live.last_used.load(Ordering::Relaxed));
-    if let Some(session_id) = oldest.map(|(session_id, _)| session_id.clone()) {
-        by_id.remove(&session_id);
-    }
+    oldest
+        .map(|(session_id, _)| session_id.clone())
+        .and_then(|session_id| by_id.remove(&session_id))
+        .is_some()
 }
 
 #[cfg(test)]
@@ -238,12 +254,27 @@ mod tests {
 
     #[test]
     fn the_least_recently_used_session_gives_way_unless_it_is_in_use() {
-        let sessions = LiveSessions::<()>::new(2, 8);
+        let room = Room { sessions: 2, bytes: usize::MAX, size: |_: &()| 0 };
+        let sessions = LiveSessions::new(room, 8);
         let in_use = sessions.get("aaa");
         sessions.get("bbb");
         sessions.get("ccc");
         assert!(Arc::ptr_eq(&in_use, &sessions.get("aaa")));
         assert!(!sessions.lock().contains_key("bbb"));
+    }
+
+    #[tokio::test]
+    async fn sessions_give_way_until_there_is_room_for_the_bytes_of_another() {
+        let room = Room { sessions: 100, bytes: 30, size: |bytes: &usize| *bytes };
+        let sessions = LiveSessions::new(room, 8);
+        for (session_id, bytes) in [("aaa", 5), ("bbb", 10), ("ccc", 10), ("ddd", 25)] {
+            let replayed = Replayed { state: Arc::new(bytes), head: Head::empty(session_id) };
+            sessions.get(session_id).load(async || Ok(replayed)).await.unwrap();
+        }
+        sessions.get("eee");
+        let mut left: Vec<String> = sessions.lock().keys().cloned().collect();
+        left.sort_unstable();
+        assert_eq!(left, ["ddd", "eee"], "50 bytes were taken, and 25 stay");
     }
 
     #[tokio::test]

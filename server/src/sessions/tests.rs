@@ -36,6 +36,10 @@ impl Aggregate for Toy {
         self.bytes.len() as i64
     }
 
+    fn bytes(&self) -> usize {
+        self.bytes.len()
+    }
+
     fn state_hash(&self) -> String {
         format!("{:?}", self.bytes)
     }
