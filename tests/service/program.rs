@@ -55,6 +55,26 @@ async fn a_closed_pipe_ends_the_program_quietly() {
 }
 
 #[tokio::test]
+async fn a_measurement_tells_counts_and_waits_and_writes_a_table_and_a_plot() {
+    let folder = tempfile::tempdir().unwrap();
+    let arguments = ["bench", "--sessions", "2", "--attempts", "3", "--rate", "20", "--out", "measured"];
+    let Output { status, stdout, stderr } = run(folder.path(), &arguments).await;
+    assert!(status.success(), "{}", String::from_utf8_lossy(&stderr));
+    let told = String::from_utf8(stdout).unwrap();
+    for part in ["2 robots, 3 contacts each", "6 answered in", "20.0 a second were due", "given up 0", "ms p99"] {
+        assert!(told.contains(part), "{part}: {told}");
+    }
+    #[cfg(target_os = "linux")]
+    assert!(told.contains("ms a contact") && told.contains("MB of memory"), "{told}");
+    let table = std::fs::read_to_string(folder.path().join("measured/bench.csv")).unwrap();
+    assert_eq!(table.lines().count(), 7, "{table}");
+    let plot = std::fs::read_to_string(folder.path().join("measured/bench.svg")).unwrap();
+    assert!(plot.contains("<polyline") && plot.contains("Contacts answered within a time"), "{plot}");
+    let (code, said) = refused(folder.path(), &["bench", "--rate", "0"]).await;
+    assert!(code == 2 && said.contains("must be a number above 0"), "{said}");
+}
+
+#[tokio::test]
 async fn the_demo_ends_with_what_to_try_next_and_without_escapes_in_a_pipe() {
     let folder = tempfile::tempdir().unwrap();
     let output = run(folder.path(), &["demo", "--object", "Ball", "--attempts", "1"]).await;
