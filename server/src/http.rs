@@ -37,6 +37,7 @@ use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use http::header::{CONTENT_TYPE, ETAG};
 use http::{Extensions, HeaderMap, HeaderValue, Method, StatusCode, Uri, Version};
+use tower_http::CompressionLevel;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::compression::CompressionLayer;
 use tower_http::compression::predicate::{Predicate, SizeAbove};
@@ -76,6 +77,8 @@ pub(crate) fn router(api: Api, bodies: Bodies) -> Router {
         .layer(CatchPanicLayer::custom(answer_panic))
         .layer(
             CompressionLayer::new()
+                // It is done where calls are answered, so it has to be short: a fifth of the time for 3 % more bytes.
+                .quality(CompressionLevel::Fastest)
                 .compress_when(SizeAbove::new(LEAST_COMPRESSED_BYTES).and(is_compressible)),
         )
         .layer(PropagateRequestIdLayer::x_request_id())

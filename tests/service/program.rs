@@ -61,7 +61,9 @@ async fn a_measurement_tells_counts_and_waits_and_writes_a_table_and_a_plot() {
     let Output { status, stdout, stderr } = run(folder.path(), &arguments).await;
     assert!(status.success(), "{}", String::from_utf8_lossy(&stderr));
     let told = String::from_utf8(stdout).unwrap();
-    for part in ["2 robots, 3 contacts each", "6 answered in", "20.0 a second were due", "given up 0", "ms p99"] {
+    for part in
+        ["2 robots, 3 contacts each", "6 answered in", "20.0 a second were due", "given up 0", "ms p99"]
+    {
         assert!(told.contains(part), "{part}: {told}");
     }
     #[cfg(target_os = "linux")]
