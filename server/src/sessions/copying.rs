@@ -18,13 +18,13 @@ use super::{
     Aggregate, Computed, Created, Creation, Reply, RequestKey, Sessions, StoredEvent, contended, detached,
     recorded,
 };
-use crate::compute::Queue;
+use crate::compute::{Queue, Work};
 use crate::error::Error;
 use crate::session::now_us;
 use crate::store::{Event, Import, Link, NewSession, SessionHead, StoreError, first_link};
 
-/// Events that are computed anew in one job, so that a long log does not keep a thread from others.
-const PAGE: i64 = 16;
+/// Events that are computed anew in one job: whoever comes waits for that long behind a long log.
+const PAGE: i64 = 4;
 
 /// A session to make of the events of another one.
 pub(crate) struct Copy<S> {
@@ -104,7 +104,8 @@ impl<S: Aggregate + Clone> Sessions<S> {
                 }
                 let (carry, rows) = (carry.clone(), rows.to_vec());
                 let compute = move || carry_all(&carry, state, &rows);
-                let carried = self.pool.run(Queue::READERS, &session_id, deadline, compute).await??;
+                let carried =
+                    self.pool.run(Queue::READERS, Work::Fold, &session_id, deadline, compute).await??;
                 events.extend(carried.events);
                 (state, head) = (carried.state, carried.head.unwrap_or(head));
             }
@@ -207,7 +208,7 @@ impl<S: Aggregate + Clone> Sessions<S> {
             let (folding, id, page, left_out) =
                 (self.folding, session_id.to_owned(), page.to_vec(), retractions.clone());
             let fold = move || fold_page(folding, &id, folded, &page, &left_out);
-            folded = self.pool.run(Queue::READERS, session_id, deadline, fold).await?;
+            folded = self.pool.run(Queue::READERS, Work::Fold, session_id, deadline, fold).await?;
             if let Some(damage) = &folded.damage {
                 let description = format!("holds a log that cannot be taken over: {}", damage.reason);
                 return Err(Error::field("data", description));

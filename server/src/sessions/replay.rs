@@ -7,12 +7,12 @@ use tokio::time::Instant;
 use super::live::{Head, Live, Replayed};
 use super::retraction::Retractions;
 use super::{ATTEMPTS, Aggregate, FoldError, Folding, Sessions, contended};
-use crate::compute::Queue;
+use crate::compute::{Queue, Work};
 use crate::error::Error;
 use crate::store::{Damage, Event, SessionRow, StoreError};
 
-/// Events folded in one job, so that a long log does not keep a thread from others.
-const PAGE: i64 = 16;
+/// Events folded in one job: whoever comes waits for that long behind a long log.
+const PAGE: i64 = 4;
 
 /// How far a log could be folded.
 pub(super) struct Folded<S> {
@@ -133,7 +133,7 @@ impl<S: Aggregate> Sessions<S> {
             }
             let (folding, id, retractions) = (self.folding, session_id.to_owned(), retractions.clone());
             let fold = move || fold_page(folding, &id, folded, &page, &retractions);
-            folded = self.pool.run(queue, session_id, deadline, fold).await?;
+            folded = self.pool.run(queue, Work::Fold, session_id, deadline, fold).await?;
             if folded.damage.is_some() {
                 return Ok(folded);
             }
