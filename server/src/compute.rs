@@ -1,48 +1,51 @@
 //! Where the method runs: off the async executor, on as many threads as there are cores.
 //!
-//! Robots and readers stand in queues of their own, each with a bound, and in each a session has a
-//! bound too. Readers have at most half of the threads, so nobody who looks at the past keeps a robot
-//! waiting. A full queue refuses at once and says when to try again, or lets a stream wait for room;
-//! work whose deadline has passed is dropped before it costs anything, and a panic ends one job only.
+//! A job waits as long as its deadline allows, and is refused at once only where what waits before it is known, by
+//! measured cost, to take longer; so is one whose deadline can no longer be met, before it costs anything. Sessions
+//! take turns, robots before readers. What is decided about that is in [`schedule`]; here it is carried out.
+//! A panic ends one job only.
 
-use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+mod invitations;
+mod measured;
+mod schedule;
+mod shares;
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use tokio::sync::{AcquireError, OwnedSemaphorePermit, Semaphore};
 use tokio::time::Instant;
 
 use crate::error::Error;
 use crate::limits::Limits;
+pub(crate) use invitations::Invitations;
+pub(crate) use measured::Measured;
+use schedule::{Next, Schedule, Started, Wanted};
 
-/// What a typical job takes; only the advice on when to try again rests on it.
-const TYPICAL_JOB: Duration = Duration::from_millis(15);
-
-/// Whose work a job is, and what happens when too much of it waits already.
+/// Whose work a job is, and whether it may be refused before its deadline.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Queue {
     is_reading: bool,
-    waits_for_room: bool,
+    is_patient: bool,
 }
 
 impl Queue {
     /// What moves a robot on: contacts, views, proposals.
-    pub(crate) const ROBOTS: Self = Self { is_reading: false, waits_for_room: false };
+    pub(crate) const ROBOTS: Self = Self { is_reading: false, is_patient: false };
     /// The same on a stream, which is not worth less because it is busy.
-    pub(crate) const EXPLORERS: Self = Self { is_reading: false, waits_for_room: true };
+    pub(crate) const EXPLORERS: Self = Self { is_reading: false, is_patient: true };
     /// What somebody wants to look at: meshes, earlier revisions.
-    pub(crate) const READERS: Self = Self { is_reading: true, waits_for_room: false };
+    pub(crate) const READERS: Self = Self { is_reading: true, is_patient: false };
     /// The same on a stream.
-    pub(crate) const WATCHERS: Self = Self { is_reading: true, waits_for_room: true };
+    pub(crate) const WATCHERS: Self = Self { is_reading: true, is_patient: true };
 
-    /// The same queue, where a job waits for room.
+    /// The same queue, for a job that is never refused when it comes.
     pub(crate) fn patient(self) -> Self {
-        Self { waits_for_room: true, ..self }
+        Self { is_patient: true, ..self }
     }
 
-    /// Whether a job waits for room.
+    /// Whether a job is never refused when it comes.
     pub(crate) fn is_patient(self) -> bool {
-        self.waits_for_room
+        self.is_patient
     }
 
     /// Whether it is one of the robots' queues.
@@ -51,133 +54,119 @@ impl Queue {
     }
 }
 
-/// A bounded pool for computation.
-#[derive(Debug)]
+/// What a job does: each kind is measured for itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Work {
+    /// Takes in what became of an approach.
+    Contact,
+    /// Takes in a view.
+    View,
+    /// Changes what does not touch the surface: names, labels, leases, the end.
+    Edit,
+    /// Looks for the next candidates.
+    Proposal,
+    /// Folds a page of a log, or carries it over into another one.
+    Fold,
+    /// Makes a mesh in one of its forms.
+    Mesh,
+    /// Compares a surface with a true one.
+    Comparison,
+    /// Reads a file, or writes a part of one.
+    File,
+    /// Makes a table of a whole session.
+    Table,
+}
+
+impl Work {
+    const KINDS: usize = Self::Table as usize + 1;
+}
+
+/// A pool for computation.
+#[derive(Clone, Debug)]
 pub(crate) struct Pool {
-    robots: Line,
-    readers: Line,
-    /// Bounds how many jobs run; handed out in the order of arrival.
-    threads: Arc<Semaphore>,
+    schedule: Arc<Mutex<Schedule<Result<Turn, Error>>>>,
+}
+
+/// The right to use a thread; the next in line has it when this is dropped.
+#[derive(Debug)]
+struct Turn {
+    pool: Pool,
+    started: Started,
+    has_begun: bool,
 }
 
 impl Pool {
     /// A pool of `threads`, with queues as long as `limits` has them.
     pub(crate) fn new(threads: usize, limits: &Limits) -> Self {
-        let (robots, readers) = (limits.compute_queue_per_core, limits.reader_queue_per_core);
-        let half = threads.div_ceil(2);
-        Self {
-            robots: Line::new(threads * (1 + robots), threads, limits.compute_queue_per_session, ROBOT_NAMES),
-            readers: Line::new(half + threads * readers, half, limits.reader_queue_per_session, READER_NAMES),
-            threads: Arc::new(Semaphore::new(threads)),
-        }
+        Self { schedule: Arc::new(Mutex::new(Schedule::new(threads, limits))) }
     }
 
     /// Runs `job`, which is about this session, to its end, even if the caller stops waiting for it.
     ///
     /// # Errors
-    /// The queue is full, the deadline passed before the job began, or the job panicked.
+    /// The deadline cannot be met or passed before the job began, too many wait, or the job panicked.
     pub(crate) async fn run<T: Send + 'static>(
         &self,
         queue: Queue,
+        work: Work,
         session_id: &str,
         deadline: Instant,
         job: impl FnOnce() -> T + Send + 'static,
     ) -> Result<T, Error> {
-        let line = if queue.is_reading { &self.readers } else { &self.robots };
-        let places = line.enter(session_id, queue.waits_for_room, deadline).await?;
-        // First the line's own threads, so that a reader who has to wait for one keeps none from a robot.
-        let turn = in_time(deadline, line.threads.clone().acquire_owned()).await?;
-        let thread = in_time(deadline, self.threads.clone().acquire_owned()).await?;
-        if Instant::now() >= deadline {
-            return Err(Error::DeadlineExceeded);
-        }
+        let turn = self.turn(Wanted { queue, work, session_id, deadline }).await?;
         let running = tokio::task::spawn_blocking(move || {
-            // The permits live as long as the job, also when the caller stops waiting.
-            let _held = (places, turn, thread);
+            // The thread is the job's as long as it runs, also when the caller stops waiting.
+            let _turn = turn.begin();
             job()
         });
         running.await.map_err(|failure| Error::internal(format!("a computation failed: {failure}")))
     }
-}
 
-/// What refusals call a line, and the part of it that one session may have.
-type Names = [&'static str; 2];
-const ROBOT_NAMES: Names = ["compute", "session's compute"];
-const READER_NAMES: Names = ["reader", "session's reader"];
+    /// Notes how long after a job of this kind its caller was answered: later ones then begin in time for that.
+    pub(crate) fn answered(&self, work: Work, after: Duration) {
+        self.lock().answered(work, after);
+    }
 
-/// One of the two queues.
-#[derive(Debug)]
-struct Line {
-    /// Bounds how many jobs run or wait.
-    slots: Arc<Semaphore>,
-    /// Bounds how many run.
-    threads: Arc<Semaphore>,
-    /// The same bound as `slots` has, for each session that has jobs here.
-    of_sessions: Mutex<HashMap<String, Weak<Semaphore>>>,
-    per_session: usize,
-    retry_after: Duration,
-    names: Names,
-}
+    async fn turn(&self, wanted: Wanted<'_>) -> Result<Turn, Error> {
+        let turn = self.lock().enter(Instant::now(), wanted)?;
+        self.hand_on();
+        let turn = tokio::time::timeout_at(wanted.deadline, turn).await;
+        turn.map_err(|_elapsed| Error::DeadlineExceeded)?.map_err(|_closed| Error::Draining)?
+    }
 
-impl Line {
-    fn new(slots: usize, threads: usize, per_session: usize, names: Names) -> Self {
-        let waiting = u32::try_from((slots / threads).max(1)).unwrap_or(u32::MAX);
-        Self {
-            slots: Arc::new(Semaphore::new(slots)),
-            threads: Arc::new(Semaphore::new(threads)),
-            of_sessions: Mutex::default(),
-            per_session,
-            retry_after: TYPICAL_JOB * waiting,
-            names,
+    /// Gives free threads to those whose turn it is.
+    fn hand_on(&self) {
+        loop {
+            let next = self.lock().next(Instant::now());
+            // A caller who has gone meanwhile gives the thread back by dropping the turn, so nothing is locked here.
+            match next {
+                Some(Next::Start(caller, started)) => {
+                    drop(caller.send(Ok(Turn { pool: self.clone(), started, has_begun: false })));
+                }
+                Some(Next::Late(caller, refusal)) => drop(caller.send(Err(refusal))),
+                None => return,
+            }
         }
     }
 
-    /// A place for one job: of its session first, so that those who wait there take no place from others.
-    async fn enter(
-        &self,
-        session_id: &str,
-        waits: bool,
-        deadline: Instant,
-    ) -> Result<[OwnedSemaphorePermit; 2], Error> {
-        let [whole, part] = self.names;
-        let of_session = self.place(self.of_session(session_id), part, waits, deadline).await?;
-        let slot = self.place(self.slots.clone(), whole, waits, deadline).await?;
-        Ok([of_session, slot])
-    }
-
-    async fn place(
-        &self,
-        places: Arc<Semaphore>,
-        queue: &'static str,
-        waits: bool,
-        deadline: Instant,
-    ) -> Result<OwnedSemaphorePermit, Error> {
-        if waits {
-            return in_time(deadline, places.acquire_owned()).await;
-        }
-        let full = |_| Error::QueueFull { queue, retry_after: self.retry_after };
-        places.try_acquire_owned().map_err(full)
-    }
-
-    /// The places of this session, which are forgotten when nobody has one or waits for one.
-    fn of_session(&self, session_id: &str) -> Arc<Semaphore> {
-        let mut by_id = self.of_sessions.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(places) = by_id.get(session_id).and_then(Weak::upgrade) {
-            return places;
-        }
-        by_id.retain(|_, places| places.strong_count() > 0);
-        let places = Arc::new(Semaphore::new(self.per_session));
-        by_id.insert(session_id.to_owned(), Arc::downgrade(&places));
-        places
+    fn lock(&self) -> MutexGuard<'_, Schedule<Result<Turn, Error>>> {
+        // Nothing panics while it is held.
+        self.schedule.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-async fn in_time(
-    deadline: Instant,
-    permit: impl Future<Output = Result<OwnedSemaphorePermit, AcquireError>>,
-) -> Result<OwnedSemaphorePermit, Error> {
-    let permit = tokio::time::timeout_at(deadline, permit).await;
-    permit.map_err(|_elapsed| Error::DeadlineExceeded)?.map_err(|_closed| Error::Draining)
+impl Turn {
+    fn begin(mut self) -> Self {
+        self.has_begun = true;
+        self
+    }
+}
+
+impl Drop for Turn {
+    fn drop(&mut self) {
+        self.pool.lock().ended(Instant::now(), &self.started, self.has_begun);
+        self.pool.hand_on();
+    }
 }
 
 #[cfg(test)]

@@ -118,6 +118,19 @@ pub(crate) enum Error {
         /// When to try again.
         retry_after: Duration,
     },
+    /// What waits already would take longer than the caller has time.
+    #[error(
+        "what waits in the {queue} queue takes longer than this call's deadline leaves: it would be answered in {} ms; try again in {} ms with the same request_id, or with a later deadline",
+        .answered.as_millis(), .retry_after.as_millis()
+    )]
+    Busy {
+        /// Which queue.
+        queue: &'static str,
+        /// When it would be answered.
+        answered: Duration,
+        /// When to try again.
+        retry_after: Duration,
+    },
     /// The request, or what it would add up to, is too large.
     #[error("{what} is over the limit of {limit}: {hint}")]
     TooLarge {
@@ -250,7 +263,7 @@ impl Error {
             Self::SessionQuarantined { .. } => "SESSION_QUARANTINED",
             Self::Quota { .. } => "QUOTA",
             Self::SessionFull { .. } => "SESSION_FULL",
-            Self::QueueFull { .. } => "QUEUE_FULL",
+            Self::QueueFull { .. } | Self::Busy { .. } => "QUEUE_FULL",
             Self::TooLarge { .. } => "TOO_LARGE",
             Self::HeaderTooLarge { .. } => "HEADER_TOO_LARGE",
             Self::BodyTooSlow { .. } => "BODY_TIMEOUT",
@@ -282,6 +295,7 @@ impl Error {
             | Self::SessionFull { .. } => Code::FailedPrecondition,
             Self::Quota { .. }
             | Self::QueueFull { .. }
+            | Self::Busy { .. }
             | Self::TooLarge { .. }
             | Self::HeaderTooLarge { .. }
             | Self::Overloaded { .. }
@@ -307,7 +321,7 @@ impl Error {
             | Self::SessionQuarantined { .. } => StatusCode::CONFLICT,
             Self::EtagMismatch { .. } => StatusCode::PRECONDITION_FAILED,
             Self::EtagMissing => StatusCode::PRECONDITION_REQUIRED,
-            Self::Quota { .. } | Self::QueueFull { .. } => StatusCode::TOO_MANY_REQUESTS,
+            Self::Quota { .. } | Self::QueueFull { .. } | Self::Busy { .. } => StatusCode::TOO_MANY_REQUESTS,
             Self::TooLarge { .. } => StatusCode::PAYLOAD_TOO_LARGE,
             Self::HeaderTooLarge { .. } => StatusCode::REQUEST_HEADER_FIELDS_TOO_LARGE,
             Self::BodyTooSlow { .. } => StatusCode::REQUEST_TIMEOUT,
@@ -330,12 +344,17 @@ impl Error {
     /// When the same call may succeed.
     pub(crate) fn retry_after(&self) -> Option<Duration> {
         match self {
-            Self::QueueFull { retry_after, .. } => Some(*retry_after),
+            Self::QueueFull { retry_after, .. } | Self::Busy { retry_after, .. } => Some(*retry_after),
             Self::Quota { .. } | Self::Draining | Self::StoreDown { .. } | Self::Overloaded { .. } => {
                 Some(Duration::from_secs(1))
             }
             _ => None,
         }
+    }
+
+    /// Whether the call was not carried out for want of time, and nothing else is known to be wrong with it.
+    pub(crate) fn is_about_time(&self) -> bool {
+        matches!(self, Self::QueueFull { .. } | Self::Busy { .. } | Self::DeadlineExceeded)
     }
 
     /// What an operator should read beside the client's text.

@@ -118,16 +118,13 @@ pub struct Limits {
     pub live_bytes: usize,
     /// Past states held in memory for meshes of earlier revisions.
     pub past_states: usize,
-    /// Calls that may wait for the permit to change one session.
+    /// Computations for robots that may wait. Like the next two it bounds memory alone: a call waits as long as its
+    /// deadline allows, and is refused where that is known to be too short.
+    pub compute_queue: usize,
+    /// Computations for readers, such as meshes and earlier revisions, that may wait.
+    pub reader_queue: usize,
+    /// Calls that may wait to change one session, or for its earlier states; in each queue above, also its computations.
     pub session_queue: usize,
-    /// Computations for robots that may wait for each core.
-    pub compute_queue_per_core: usize,
-    /// Computations for the robots of one session that may run or wait.
-    pub compute_queue_per_session: usize,
-    /// Computations for readers, such as meshes and earlier revisions, that may wait for each core.
-    pub reader_queue_per_core: usize,
-    /// Computations for the readers of one session that may run or wait.
-    pub reader_queue_per_session: usize,
     /// Bytes of computed meshes that are kept in memory, so that all who look at one share it.
     pub mesh_bytes: usize,
     /// Writes that may wait for the event log.
@@ -213,11 +210,9 @@ impl Default for Limits {
             live_sessions: 256,
             live_bytes: 128 << 20,
             past_states: 32,
-            session_queue: 8,
-            compute_queue_per_core: 16,
-            compute_queue_per_session: 16,
-            reader_queue_per_core: 8,
-            reader_queue_per_session: 8,
+            compute_queue: 8192,
+            reader_queue: 8192,
+            session_queue: 1024,
             mesh_bytes: 64 << 20,
             write_queue: 1024,
             write_batch: 256,

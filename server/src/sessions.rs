@@ -17,6 +17,7 @@ mod checkpoint;
 mod copying;
 mod creation;
 mod deletion;
+mod gate;
 mod live;
 mod past;
 mod proof;
@@ -33,7 +34,7 @@ use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 use tracing::Instrument;
 
-use crate::compute::{Pool, Queue};
+use crate::compute::{Pool, Queue, Work};
 use crate::error::Error;
 use crate::limits::Limits;
 use crate::store::{Damage, Event, Link, SessionHead, Store, StoreError};
@@ -80,6 +81,7 @@ pub(crate) struct Change<S> {
     pub(crate) request: RequestKey,
     pub(crate) expected_revision: Option<i64>,
     pub(crate) actor: String,
+    pub(crate) work: Work,
     /// Computes the event, the state after it and the reply, on the compute pool.
     pub(crate) compute: Compute<S>,
 }
@@ -220,7 +222,7 @@ impl<S: Aggregate> Sessions<S> {
         change: &Change<S>,
         deadline: Instant,
     ) -> Result<Reply, Error> {
-        let Change { session_id, request, expected_revision, actor, compute } = change;
+        let Change { session_id, request, actor, work, .. } = change;
         self.refuse_while_stopping()?;
         for _ in 0..ATTEMPTS {
             let (live, states) = self.open(session_id, Queue::ROBOTS, deadline).await?;
@@ -232,12 +234,16 @@ impl<S: Aggregate> Sessions<S> {
                 return Ok(first);
             }
             let before = states.borrow().clone();
-            let (event, computed) = match self.compute(&before, *expected_revision, compute, deadline).await {
+            let (event, computed) = match self.compute(&before, change, deadline).await {
                 Ok(Decision::Append(event, computed)) => (event, computed),
                 Ok(Decision::Retract(seq, compute)) => self.retract(&before, seq, compute).await?,
                 Ok(Decision::Answer(bytes)) => return Ok(Reply { bytes, duplicate: false }),
                 // A refusal must rest on the newest state, and another process may have written since.
-                Err(_) if before.check_open().is_ok() && self.is_behind(&*before).await? => {
+                Err(refusal)
+                    if !refusal.is_about_time()
+                        && before.check_open().is_ok()
+                        && self.is_behind(&*before).await? =>
+                {
                     self.catch_up(session_id, &live, deadline).await?;
                     continue;
                 }
@@ -250,8 +256,10 @@ impl<S: Aggregate> Sessions<S> {
                 return Err(self.session_is_full());
             }
             let reply = new.reply.clone();
+            let computed_at = Instant::now();
             match self.store.append(head, end.link, new).await {
                 Ok(()) => {
+                    self.pool.answered(*work, computed_at.elapsed());
                     self.keep_checkpoint(&before, &after);
                     live.publish(Replayed { state: Arc::new(after), head: grown });
                     return Ok(Reply { bytes: reply, duplicate: false });
@@ -266,18 +274,18 @@ impl<S: Aggregate> Sessions<S> {
     async fn compute(
         &self,
         before: &Arc<S>,
-        expected_revision: Option<i64>,
-        compute: &Compute<S>,
+        change: &Change<S>,
         deadline: Instant,
     ) -> Result<Decision<S>, Error> {
         let actual = before.revision();
-        if let Some(expected) = expected_revision.filter(|&expected| expected != actual) {
+        if let Some(expected) = change.expected_revision.filter(|&expected| expected != actual) {
             return Err(Error::RevisionMismatch { expected, actual });
         }
         before.check_open()?;
-        let (before, compute) = (before.clone(), compute.clone());
-        let session_id = before.identity().0.to_owned();
-        self.pool.run(Queue::ROBOTS, &session_id, deadline, move || compute(&before)).await?
+        let (before, compute) = (before.clone(), change.compute.clone());
+        self.pool
+            .run(Queue::ROBOTS, change.work, &change.session_id, deadline, move || compute(&before))
+            .await?
     }
 
     /// The reply to an earlier request with the same id, which must have had the same body.

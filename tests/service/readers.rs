@@ -15,13 +15,7 @@ fn past(session_id: &str, revision: i64) -> v1::GetMeshRequest {
 
 /// Every earlier revision is computed again, and hardly anything may wait.
 fn forgetful() -> Limits {
-    Limits {
-        past_states: 1,
-        mesh_bytes: 0,
-        compute_queue_per_core: 1,
-        reader_queue_per_core: 1,
-        ..Limits::default()
-    }
+    Limits { past_states: 1, mesh_bytes: 0, compute_queue: 2, reader_queue: 2, ..Limits::default() }
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 4)]
@@ -67,7 +61,7 @@ async fn a_robot_beside_thirty_two_readers_of_the_past_is_never_refused() {
 
 #[tokio::test]
 async fn all_who_ask_for_one_mesh_at_once_share_it() {
-    let limits = Limits { reader_queue_per_session: 1, ..forgetful() };
+    let limits = Limits { reader_queue: 0, ..forgetful() };
     let server = Server::with_limits(limits).await;
     let first = server.grpc().begin("ball").await;
     server.grpc().go_on("ball", first, 6).await;

@@ -171,7 +171,7 @@ async fn a_reader_who_has_nothing_to_read_keeps_its_place() {
 
 #[tokio::test]
 async fn forty_slow_watchers_get_every_mesh_and_none_is_ended_by_a_full_queue() {
-    let limits = Limits { reader_queue_per_core: 0, reader_queue_per_session: 1, ..Limits::default() };
+    let limits = Limits { reader_queue: 0, ..Limits::default() };
     let server = Server::with_limits(limits).await;
     let mut candidate = server.grpc().begin("ball").await;
     candidate = server.grpc().go_on("ball", candidate, 3).await;

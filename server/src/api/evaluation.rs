@@ -10,7 +10,7 @@ use tokio::time::Instant;
 
 use super::references::Truth;
 use super::{Api, Call};
-use crate::compute::Queue;
+use crate::compute::{Queue, Work};
 use crate::error::Error;
 use crate::limits::Limits;
 use crate::session::Snapshot;
@@ -64,7 +64,8 @@ impl Api {
         }
         let known = truth.surface.clone();
         let sample = move || Reference::new(known.truth().clone(), sampling);
-        let sampled = self.sessions.pool.run(Queue::READERS, session_id, deadline, sample).await?;
+        let sampled =
+            self.sessions.pool.run(Queue::READERS, Work::Comparison, session_id, deadline, sample).await?;
         Ok(Arc::new(sampled.map_err(incomparable)?))
     }
 
@@ -80,7 +81,10 @@ impl Api {
         let pool = &self.sessions.pool;
         let of_itself = truth.clone();
         let floor = move || of_itself.chamfer_floor();
-        let floor = pool.run(Queue::READERS, session_id, deadline, floor).await?.map_err(incomparable)?;
+        let floor = pool
+            .run(Queue::READERS, Work::Comparison, session_id, deadline, floor)
+            .await?
+            .map_err(incomparable)?;
         let mut found: BTreeMap<i64, v1::Evaluation> = BTreeMap::new();
         let mut ordered = revisions.to_vec();
         ordered.sort_unstable();
@@ -93,7 +97,10 @@ impl Api {
             };
             let truth = truth.clone();
             let compare = move || evaluation(&state, &truth, floor.sum_m);
-            found.insert(revision, pool.run(Queue::READERS, session_id, deadline, compare).await??);
+            found.insert(
+                revision,
+                pool.run(Queue::READERS, Work::Comparison, session_id, deadline, compare).await??,
+            );
         }
         Ok(found)
     }

@@ -9,7 +9,7 @@ use palpate_proto::v1::event::Kind;
 use tokio::time::Instant;
 
 use super::{Api, Call, computed, request_key, stored};
-use crate::compute::Queue;
+use crate::compute::{Queue, Work};
 use crate::error::{Error, FieldViolation};
 use crate::limits::Limits;
 use crate::session::{AddedView, Question, SessionState, Snapshot, now_us};
@@ -98,9 +98,8 @@ impl Api {
             let computed = absorb_prior(before, &prior, names.prior, &wanted, at_us)?;
             Ok(Decision::Append(event.clone(), computed))
         };
-        let actor = actor.to_owned();
-        let change =
-            Change { session_id, request: key, expected_revision, actor, compute: Arc::new(compute) };
+        let (actor, work, compute) = (actor.to_owned(), Work::View, Arc::new(compute));
+        let change = Change { session_id, request: key, expected_revision, actor, work, compute };
         stored(&self.sessions.change(change, deadline).await?.bytes)
     }
 
@@ -131,7 +130,7 @@ impl Api {
             return Err(Error::NoVisualPrior);
         }
         let propose = move || answer(&snapshot, &question, &snapshot.propose(&question, now_us()));
-        self.sessions.pool.run(Queue::ROBOTS, &session_id, deadline, propose).await
+        self.sessions.pool.run(Queue::ROBOTS, Work::Proposal, &session_id, deadline, propose).await
     }
 
     pub(super) async fn report(
@@ -159,9 +158,8 @@ impl Api {
             let computed = absorb_result(before, &result, &wanted, at_us, &limits)?;
             Ok(Decision::Append(event.clone(), computed))
         };
-        let actor = actor.to_owned();
-        let change =
-            Change { session_id, request: key, expected_revision, actor, compute: Arc::new(compute) };
+        let (actor, work, compute) = (actor.to_owned(), Work::Contact, Arc::new(compute));
+        let change = Change { session_id, request: key, expected_revision, actor, work, compute };
         let reply = self.sessions.change(change, deadline).await?;
         let first: v1::ReportContactResponse = stored(&reply.bytes)?;
         Ok(v1::ReportContactResponse { duplicate: reply.duplicate, ..first })

@@ -15,7 +15,7 @@ use super::outbox::{self, Gone, Outbox};
 use super::watch::try_again;
 use super::{Api, Call, Replies};
 use crate::archive::{BundleWriter, Recording, Table};
-use crate::compute::Queue;
+use crate::compute::{Queue, Work};
 use crate::error::Error;
 use crate::mesh_format::FileFormat;
 use crate::session::{Snapshot, hex};
@@ -267,7 +267,7 @@ impl Run {
         job: impl FnOnce() -> Result<T, Error> + Send + 'static,
     ) -> Result<T, Error> {
         let (session_id, _) = self.state.identity();
-        self.api.sessions.pool.run(Queue::WATCHERS, session_id, self.deadline(), job).await?
+        self.api.sessions.pool.run(Queue::WATCHERS, Work::File, session_id, self.deadline(), job).await?
     }
 
     fn deadline(&self) -> Instant {

@@ -6,6 +6,7 @@ use palpate_proto::v1;
 use palpate_proto::v1::event::Kind;
 
 use super::{Api, Call, appended, computed, request_key, stored};
+use crate::compute::Work;
 use crate::error::Error;
 use crate::limits::{Limits, OPAQUE_BYTES};
 use crate::session::Snapshot;
@@ -53,6 +54,7 @@ impl Api {
                 request: key,
                 expected_revision: None,
                 actor,
+                work: Work::Edit,
                 compute,
             };
             stored(&self.sessions.change(change, deadline).await?.bytes)
@@ -84,7 +86,8 @@ impl Api {
                 Ok(appended(event::encode(Kind::Finished(note.clone())), after, &reply))
             };
             let (actor, compute) = (call.actor.clone(), Arc::new(compute));
-            let change = Change { session_id, request: key, expected_revision: None, actor, compute };
+            let work = Work::Edit;
+            let change = Change { session_id, request: key, expected_revision: None, actor, work, compute };
             stored(&self.sessions.change(change, deadline).await?.bytes)
         })
         .await
@@ -117,7 +120,8 @@ impl Api {
                 ))
             };
             let (actor, compute) = (call.actor.clone(), Arc::new(compute));
-            let change = Change { session_id, request: key, expected_revision: None, actor, compute };
+            let work = Work::Edit;
+            let change = Change { session_id, request: key, expected_revision: None, actor, work, compute };
             stored(&self.sessions.change(change, deadline).await?.bytes)
         })
         .await

@@ -18,7 +18,7 @@ use tokio::time::Instant;
 use super::fork::{carry, creation, forked};
 use super::{Api, Call, computed, request_key, stored};
 use crate::archive::{self, Bundle, Origin};
-use crate::compute::Queue;
+use crate::compute::{Queue, Work};
 use crate::error::Error;
 use crate::limits::Limits;
 use crate::session::Snapshot;
@@ -76,7 +76,8 @@ impl Api {
                 let origin = archive::check(&bundle, &limits)?;
                 Ok::<_, Error>((bundle, origin))
             };
-            let (bundle, origin) = self.sessions.pool.run(Queue::READERS, "", deadline, read).await??;
+            let (bundle, origin) =
+                self.sessions.pool.run(Queue::READERS, Work::File, "", deadline, read).await??;
             let is_the_same = is_empty(&header);
             let session = if is_the_same {
                 self.take_over(bundle, request).await

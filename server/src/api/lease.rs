@@ -13,6 +13,7 @@ use tokio::time::Instant;
 
 use super::exploration::answer;
 use super::{Api, appended, stored};
+use crate::compute::Work;
 use crate::error::Error;
 use crate::limits::Limits;
 use crate::session::{Question, Snapshot};
@@ -36,6 +37,7 @@ impl Api {
             request,
             expected_revision: None,
             actor: actor.to_owned(),
+            work: Work::Proposal,
             compute: Arc::new(compute),
         };
         stored(&self.sessions.change(change, deadline).await?.bytes)

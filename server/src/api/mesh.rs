@@ -9,7 +9,7 @@ use tokio::time::Instant;
 
 use super::made_mesh::{Key, MadeMesh};
 use super::{Api, Call};
-use crate::compute::Queue;
+use crate::compute::{Queue, Work};
 use crate::error::Error;
 use crate::mesh_format::{Colormap, FileFormat, RawArrays, Remark, raw, write_file};
 use crate::session::{Definition, Snapshot, hex};
@@ -103,7 +103,7 @@ impl Api {
             return Err(Error::NoVisualPrior);
         }
         let make = move || mesh(&snapshot, form).map(MadeMesh::new);
-        self.sessions.pool.run(queue, session_id, deadline, make).await?.map(Arc::new)
+        self.sessions.pool.run(queue, Work::Mesh, session_id, deadline, make).await?.map(Arc::new)
     }
 }
 

@@ -12,7 +12,7 @@ use sha2::{Digest, Sha256};
 use tokio::time::Instant;
 
 use super::{Api, Call};
-use crate::compute::Queue;
+use crate::compute::{Queue, Work};
 use crate::error::Error;
 use crate::session::hex;
 use crate::store::{KeptReference, NewReference, ReferenceKey, SessionRow};
@@ -146,7 +146,7 @@ impl Api {
         let file = from_proto::reference_file(bytes, format.into(), kept.key.metres_per_unit, NAMES)?;
         let most = self.limits.reference_faces;
         let read = move || ready(&file, most, NAMES.mesh);
-        let truth = self.sessions.pool.run(queue, session_id, deadline, read).await??;
+        let truth = self.sessions.pool.run(queue, Work::File, session_id, deadline, read).await??;
         self.references.keep(truth.clone());
         Ok(truth)
     }
@@ -164,7 +164,7 @@ impl Api {
     ) -> Result<Truth, Error> {
         let most = self.limits.reference_faces;
         let read = move || ready(&file, most, names.mesh);
-        self.sessions.pool.run(Queue::READERS, session_id, deadline, read).await?
+        self.sessions.pool.run(Queue::READERS, Work::File, session_id, deadline, read).await?
     }
 
     /// Keeps a reference that was read with the session that was created at `created_us`.

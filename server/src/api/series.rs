@@ -8,7 +8,7 @@ use palpate_proto::v1::contact_result::Outcome;
 use palpate_proto::v1::event::Kind;
 
 use super::{Api, Call};
-use crate::compute::Queue;
+use crate::compute::{Queue, Work};
 use crate::error::Error;
 use crate::session::{Snapshot, hex};
 use crate::sessions::Aggregate;
@@ -42,7 +42,8 @@ impl Api {
             let (reference_sha256, errors_pending) = self.add_errors(&session_id, &mut rows).await?;
             let revision = newest.revision;
             let look_back = move || look_back(rows, &newest);
-            let rows = self.sessions.pool.run(Queue::READERS, &session_id, deadline, look_back).await?;
+            let rows =
+                self.sessions.pool.run(Queue::READERS, Work::Table, &session_id, deadline, look_back).await?;
             Ok(v1::GetSeriesResponse { rows, revision, reference_sha256, errors_pending })
         })
         .await

@@ -18,7 +18,7 @@ use tokio::time::Instant;
 use super::Api;
 use super::references::Truth;
 use super::watch::try_again;
-use crate::compute::Queue;
+use crate::compute::{Queue, Work};
 use crate::error::Error;
 use crate::session::Snapshot;
 use crate::sessions::{Aggregate, FreshFold};
@@ -180,7 +180,7 @@ impl Api {
         let (session_id, _) = state.identity();
         let (state, surface) = (state.clone(), truth.surface.clone());
         let compare = move || distance_m(&state, &surface);
-        self.sessions.pool.run(queue, session_id, deadline, compare).await
+        self.sessions.pool.run(queue, Work::Comparison, session_id, deadline, compare).await
     }
 
     /// Notes errors of a session that was created at `created_us`.

@@ -7,6 +7,7 @@ use palpate_proto::v1;
 use tempfile::TempDir;
 
 use super::*;
+use crate::compute::Work;
 use crate::session::Snapshot;
 use crate::sessions::Change;
 use crate::store::SessionRow;
@@ -100,6 +101,7 @@ async fn an_event_that_cannot_be_replayed_quarantines_its_session_alone() {
         request: RequestKey { id: String::new(), digest: Vec::new() },
         expected_revision: None,
         actor: String::new(),
+        work: Work::Edit,
         compute: Arc::new(|before: &Snapshot| {
             let after = Snapshot { revision: before.revision + 1, ..before.clone() };
             Ok(appended(("visual_prior", vec![255; 9]), after, &v1::AddVisualPriorResponse::default()))
@@ -133,6 +135,7 @@ async fn a_panic_is_internal_for_its_call_and_changes_nothing() {
         request: RequestKey { id: "p".into(), digest: Vec::new() },
         expected_revision: None,
         actor: String::new(),
+        work: Work::Edit,
         compute: Arc::new(|before: &Snapshot| {
             assert_eq!(before.revision, 0, "on purpose");
             Err(Error::NoVisualPrior)

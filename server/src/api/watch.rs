@@ -262,13 +262,11 @@ impl Watcher {
 
 /// Waits a little where there was no room or no time: a watch does not end because others keep the server busy.
 pub(super) async fn try_again(after: Error) -> Result<(), Error> {
-    match after {
-        Error::QueueFull { .. } | Error::DeadlineExceeded => {
-            tokio::time::sleep(AGAIN_AFTER).await;
-            Ok(())
-        }
-        error => Err(error),
+    if !after.is_about_time() {
+        return Err(after);
     }
+    tokio::time::sleep(after.retry_after().unwrap_or(AGAIN_AFTER)).await;
+    Ok(())
 }
 
 fn heartbeat_interval(wanted: Option<palpate_proto::Duration>, limits: &Limits) -> Result<Duration, Error> {

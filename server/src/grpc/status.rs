@@ -61,7 +61,7 @@ fn add_subject(details: &mut ErrorDetails, error: &Error) {
         Error::TooLarge { what, limit, hint: _ } => {
             set_info(details, error, [("what", what.clone()), ("limit", limit.clone())]);
         }
-        Error::QueueFull { queue, retry_after: _ } => {
+        Error::QueueFull { queue, retry_after: _ } | Error::Busy { queue, answered: _, retry_after: _ } => {
             set_info(details, error, [("queue", (*queue).to_owned())]);
         }
         Error::RequestIdReused { request_id } => {

@@ -19,13 +19,13 @@ use super::{
     Aggregate, Computed, Created, Creation, Reply, RequestKey, Sessions, StoredEvent, contended, detached,
     recorded,
 };
-use crate::compute::Queue;
+use crate::compute::{Queue, Work};
 use crate::error::Error;
 use crate::session::now_us;
 use crate::store::{Checkpoint, Event, Import, Link, NewSession, SessionHead, StoreError, first_link};
 
-/// Events that are computed anew in one job, so that a long log does not keep a thread from others.
-const PAGE: i64 = 16;
+/// Events that are computed anew in one job: whoever comes waits for that long behind a long log.
+const PAGE: i64 = 4;
 
 /// A session to make of the events of another one.
 pub(crate) struct Copy<S> {
@@ -106,7 +106,8 @@ impl<S: Aggregate + Clone> Sessions<S> {
                 }
                 let (carry, rows) = (carry.clone(), rows.to_vec());
                 let compute = move || carry_all(&carry, state, &rows);
-                let carried = self.pool.run(Queue::READERS, &session_id, deadline, compute).await??;
+                let carried =
+                    self.pool.run(Queue::READERS, Work::Fold, &session_id, deadline, compute).await??;
                 events.extend(carried.events);
                 checkpoints.extend(carried.checkpoints);
                 (state, head) = (carried.state, carried.head.unwrap_or(head));
@@ -215,7 +216,8 @@ impl<S: Aggregate + Clone> Sessions<S> {
             let (folding, id, page, left_out) =
                 (self.folding, session_id.to_owned(), page.to_vec(), retractions.clone());
             let fold = move || fold_page(folding, &id, folded, &page, &left_out, &Manner::Computing);
-            let (reached, new) = self.pool.run(Queue::READERS, session_id, deadline, fold).await?;
+            let (reached, new) =
+                self.pool.run(Queue::READERS, Work::Fold, session_id, deadline, fold).await?;
             folded = reached;
             checkpoints.extend(new);
             if let Some(damage) = &folded.damage {

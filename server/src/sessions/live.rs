@@ -3,18 +3,14 @@
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
 
-use tokio::sync::{OnceCell, OwnedSemaphorePermit, Semaphore, SemaphorePermit, watch};
+use tokio::sync::{OnceCell, watch};
 use tokio::time::Instant;
 
 use super::States;
-use crate::compute::Queue;
+use super::gate::{Gate, Pass};
 use crate::error::Error;
 use crate::store::{Link, first_link};
-
-/// What one change takes, roughly; only the advice on when to try again rests on it.
-const TYPICAL_CHANGE: Duration = Duration::from_millis(20);
 
 /// Where the log of a session ends.
 #[derive(Clone, Copy, Debug)]
@@ -42,39 +38,23 @@ pub(super) struct Replayed<S> {
 /// A session in memory.
 #[derive(Debug)]
 pub(super) struct Live<S> {
-    /// Bounds how many calls hold the permit or wait for it.
-    slots: Semaphore,
-    /// How many calls may wait beside the one that holds the permit.
-    queue: usize,
-    /// The one permit, handed on in the order of arrival.
-    permit: Semaphore,
+    /// Whoever is in may change it.
+    permit: Arc<Gate>,
     newest: OnceCell<watch::Sender<Arc<S>>>,
-    /// Held by whoever computes an earlier state.
-    pub(super) past: tokio::sync::Mutex<()>,
-    /// Bounds how many wait for earlier states.
-    past_slots: Arc<Semaphore>,
+    /// Whoever is in may compute an earlier state.
+    pub(super) past: Arc<Gate>,
     /// Where its log ends; whoever holds the permit reads and writes it.
     head: Mutex<Option<Head>>,
     gone: AtomicBool,
     last_used: AtomicU64,
 }
 
-/// The right to change a session; the next in line has it when this is dropped.
-#[derive(Debug)]
-pub(super) struct Permit<'a> {
-    _slot: SemaphorePermit<'a>,
-    _permit: SemaphorePermit<'a>,
-}
-
 impl<S> Live<S> {
     fn new(queue: usize) -> Self {
         Self {
-            slots: Semaphore::new(1 + queue),
-            queue,
-            permit: Semaphore::new(1),
+            permit: Gate::new("session", queue),
             newest: OnceCell::new(),
-            past: tokio::sync::Mutex::default(),
-            past_slots: Arc::new(Semaphore::new(1 + queue)),
+            past: Gate::new("session's reader", queue),
             head: Mutex::new(None),
             gone: AtomicBool::new(false),
             last_used: AtomicU64::new(0),
@@ -84,16 +64,9 @@ impl<S> Live<S> {
     /// Waits until the caller may change the session.
     ///
     /// # Errors
-    /// Too many wait already, or the deadline passed.
-    pub(super) async fn permit(&self, deadline: Instant) -> Result<Permit<'_>, Error> {
-        let Ok(slot) = self.slots.try_acquire() else {
-            let retry_after = TYPICAL_CHANGE * u32::try_from(self.queue.max(1)).unwrap_or(u32::MAX);
-            return Err(Error::QueueFull { queue: "session", retry_after });
-        };
-        let permit = tokio::time::timeout_at(deadline, self.permit.acquire()).await;
-        let permit =
-            permit.map_err(|_elapsed| Error::DeadlineExceeded)?.map_err(|_closed| Error::Draining)?;
-        Ok(Permit { _slot: slot, _permit: permit })
+    /// The deadline cannot be met or passed, or too many wait.
+    pub(super) async fn permit(&self, deadline: Instant) -> Result<Pass, Error> {
+        self.permit.enter(false, deadline).await
     }
 
     /// The newest state and those to come, computed by `replay` where there is none yet.
@@ -107,24 +80,6 @@ impl<S> Live<S> {
             Ok::<_, Error>(watch::Sender::new(state))
         };
         Ok(self.newest.get_or_try_init(load).await?.subscribe())
-    }
-
-    /// A place to wait for an earlier state.
-    ///
-    /// # Errors
-    /// Too many wait already, or the deadline passed.
-    pub(super) async fn past_slot(
-        &self,
-        queue: Queue,
-        deadline: Instant,
-    ) -> Result<OwnedSemaphorePermit, Error> {
-        let slots = self.past_slots.clone();
-        if queue.is_patient() {
-            let slot = tokio::time::timeout_at(deadline, slots.acquire_owned()).await;
-            return slot.map_err(|_elapsed| Error::DeadlineExceeded)?.map_err(|_closed| Error::Draining);
-        }
-        let retry_after = TYPICAL_CHANGE * u32::try_from(self.queue.max(1)).unwrap_or(u32::MAX);
-        slots.try_acquire_owned().map_err(|_full| Error::QueueFull { queue: "session's reader", retry_after })
     }
 
     /// The newest state and those to come, if there is one yet.
@@ -275,28 +230,5 @@ mod tests {
         let mut left: Vec<String> = sessions.lock().keys().cloned().collect();
         left.sort_unstable();
         assert_eq!(left, ["ddd", "eee"], "50 bytes were taken, and 25 stay");
-    }
-
-    #[tokio::test]
-    async fn the_queue_is_bounded_and_a_late_caller_gives_up() {
-        let live = Arc::new(Live::<()>::new(8));
-        let soon = Instant::now() + Duration::from_secs(20);
-        let permit = live.permit(soon).await.unwrap();
-        let waiting: Vec<_> = (0..8)
-            .map(|_| {
-                let live = live.clone();
-                tokio::spawn(async move { live.permit(soon).await.map(drop) })
-            })
-            .collect();
-        while live.slots.available_permits() > 0 {
-            tokio::task::yield_now().await;
-        }
-        assert_eq!(live.permit(soon).await.unwrap_err().reason(), "QUEUE_FULL");
-        drop(permit);
-        for each in waiting {
-            assert_eq!(each.await.unwrap(), Ok(()));
-        }
-        let _permit = live.permit(soon).await.unwrap();
-        assert_eq!(live.permit(Instant::now()).await.unwrap_err(), Error::DeadlineExceeded);
     }
 }

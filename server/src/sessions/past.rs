@@ -65,11 +65,10 @@ impl<S: Aggregate> Sessions<S> {
         if let Some(known) = self.past.nearest(&newest, revision, is_it) {
             return Ok(known);
         }
-        let slot = live.past_slot(queue, deadline).await?;
+        let pass = live.past.enter(queue.is_patient(), deadline).await?;
         let this = self.clone();
         let computed = detached(async move {
-            let _slot = slot;
-            let _alone = live.past.lock().await;
+            let _alone = pass;
             this.compute_past(&newest, revision, queue).await
         });
         tokio::time::timeout_at(deadline, computed).await.unwrap_or(Err(Error::DeadlineExceeded))

@@ -8,12 +8,14 @@ use super::checkpoint::checkpoint_after;
 use super::live::{Head, Live, Replayed};
 use super::retraction::Retractions;
 use super::{ATTEMPTS, Aggregate, FoldError, Folding, Sessions, contended};
-use crate::compute::Queue;
+use crate::compute::{Queue, Work};
 use crate::error::Error;
 use crate::store::{Checkpoint, Damage, Event, SessionRow, StoreError};
 
-/// Events folded in one job, so that a long log does not keep a thread from others.
-const PAGE: i64 = 16;
+/// Events folded in one job: whoever comes waits for that long behind a long log.
+const PAGE: i64 = 4;
+/// The same where states are left out.
+const DEFERRING_PAGE: i64 = 64;
 
 /// How events are folded.
 #[derive(Clone, Debug)]
@@ -190,12 +192,13 @@ impl<S: Aggregate> Sessions<S> {
         let Task { row, retractions, mut queue, deadline } = task;
         let session_id = row.session_id.as_str();
         let mut folded = start;
+        let most = if matches!(manner, Manner::Deferring) { DEFERRING_PAGE } else { PAGE };
         loop {
             let after = folded.revision();
             if after >= end {
                 break;
             }
-            let page = match self.store.events(session_id, after, PAGE.min(end - after)).await {
+            let page = match self.store.events(session_id, after, most.min(end - after)).await {
                 Err(StoreError::Damaged(damage)) => return Ok(Folded { damage: Some(damage), ..folded }),
                 page => page?,
             };
@@ -205,7 +208,7 @@ impl<S: Aggregate> Sessions<S> {
             let (folding, id, retractions) = (self.folding, session_id.to_owned(), retractions.clone());
             let manner = manner.clone();
             let fold = move || fold_page(folding, &id, folded, &page, &retractions, &manner);
-            let (reached, checkpoints) = self.pool.run(queue, session_id, deadline, fold).await?;
+            let (reached, checkpoints) = self.pool.run(queue, Work::Fold, session_id, deadline, fold).await?;
             for checkpoint in checkpoints {
                 self.store.checkpoints.keep((session_id, row.created_us), checkpoint);
             }

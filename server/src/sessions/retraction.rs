@@ -14,7 +14,7 @@ use tokio::time::Instant;
 use super::live::Head;
 use super::replay::{Folded, Task};
 use super::{Aggregate, Computed, Recompute, Sessions, StoredEvent};
-use crate::compute::Queue;
+use crate::compute::{Queue, Work};
 use crate::error::Error;
 use crate::store::Event;
 
@@ -88,7 +88,7 @@ impl<S: Aggregate> Sessions<S> {
                 return Err(Error::field("seq", description));
             }
         };
-        self.pool.run(Queue::ROBOTS, &session_id, deadline, move || compute(&without)).await
+        self.pool.run(Queue::ROBOTS, Work::Edit, &session_id, deadline, move || compute(&without)).await
     }
 }
 

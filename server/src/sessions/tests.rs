@@ -358,7 +358,8 @@ impl World {
             _ => Ok(Decision::Append(("toy", vec![body]), before.clone().with(body).computed())),
         });
         let request = self.key(('a', session, body), request);
-        Change { session_id: self.id(session), request, expected_revision, actor: String::new(), compute }
+        let (session_id, actor) = (self.id(session), String::new());
+        Change { session_id, request, expected_revision, actor, work: Work::Edit, compute }
     }
 
     fn retract(&self, session: u8, request: u8, seq: u8) -> Change<Toy> {
@@ -376,6 +377,7 @@ impl World {
             request,
             expected_revision: None,
             actor: String::new(),
+            work: Work::Edit,
             compute,
         }
     }
