@@ -30,7 +30,7 @@ use crate::uncertainty::Reach;
 use crate::warning::Warning;
 
 /// Changes with every change of a result: a stored state hash holds for one version only.
-pub const ALGORITHM_VERSION: &str = "8";
+pub const ALGORITHM_VERSION: &str = "9";
 
 /// A session's state: its evidence, and the estimate that follows from it.
 #[derive(Clone, Debug)]
