@@ -2,7 +2,9 @@
 //!
 //! Points and vectors are `f64`, in metres, in the session's frame unless a name says otherwise.
 
+mod cloud;
 mod connectivity;
+mod face_tree;
 mod geodesic;
 mod icosphere;
 mod mesh;
@@ -12,7 +14,9 @@ mod sampling;
 mod surface_index;
 mod surface_point;
 
+pub use cloud::Cloud;
 pub use connectivity::Connectivity;
+pub use face_tree::FaceTree;
 pub use geodesic::Geodesics;
 pub use icosphere::{Icosphere, MAX_SUBDIVISIONS};
 pub use mesh::TriangleMesh;

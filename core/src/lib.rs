@@ -28,4 +28,5 @@ pub mod schedule;
 pub mod symmetry;
 pub mod template;
 pub mod uncertainty;
+mod vectorised;
 pub mod warning;

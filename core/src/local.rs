@@ -53,7 +53,23 @@ impl Calibration {
     }
 }
 
-/// What the local stage of METHOD_PALPATE found.
+/// The process that the local stage of METHOD_PALPATE conditioned on what was measured.
+#[derive(Debug)]
+pub(crate) struct Conditioned {
+    process: Displacement,
+    /// Root mean square of what it leaves of the attractors' heights, in metres.
+    residual_m: f64,
+    /// What the next fit goes on from.
+    pub(crate) hyperparameters: Hyperparameters,
+    /// How likely the measurements were, as a logarithm, up to a constant.
+    pub(crate) log_likelihood: f64,
+    /// What was measured, with the doubts that were found.
+    pub(crate) judged: Vec<Attractor>,
+    /// The rigid offsets of groups of measurements.
+    pub(crate) rigid: Vec<(Group, RigidOffset)>,
+}
+
+/// The surface that the local stage of METHOD_PALPATE found.
 #[derive(Clone, Debug)]
 pub struct Raised {
     /// Height of the surface over the template at each vertex, in metres.
@@ -66,12 +82,6 @@ pub struct Raised {
     pub process: VertexProcess,
     /// What the next fit goes on from.
     pub(crate) hyperparameters: Hyperparameters,
-    /// How likely the measurements were, as a logarithm, up to a constant.
-    pub(crate) log_likelihood: f64,
-    /// What was measured, with the doubts that were found.
-    pub(crate) judged: Vec<Attractor>,
-    /// The rigid offsets of groups of measurements.
-    pub(crate) rigid: Vec<(Group, RigidOffset)>,
 }
 
 impl Raised {
@@ -83,15 +93,16 @@ impl Raised {
     }
 }
 
-/// Raises the template's surface to what was measured, and holds it back from what was swept.
-pub(crate) fn raise(
+/// Conditions the displacement of the template's surface on what was measured, and holds it back from what was
+/// swept.
+pub(crate) fn condition(
     surface: &TemplateSurface,
     shape: &Compound,
     evidence: &FitEvidence,
     before: Option<&Hyperparameters>,
     extras: Extras,
     config: &Config,
-) -> Raised {
+) -> Conditioned {
     let observe = |point: &Point, noise_m| {
         let projection = surface.project(point);
         Observation::new(projection.foot, projection.height_m, noise_m)
@@ -123,19 +134,29 @@ pub(crate) fn raise(
     let free: Vec<Observation> =
         evidence.free_space.outside().iter().map(|point| observe(point, FREE_NOISE_M)).collect();
     let process = held_back(process, &mut observations, &free);
-
-    let measured = &observations[..evidence.measured.len()];
-    let vertices = surface.vertices();
-    let (heights_m, deviations_m) = process.predict(&vertices);
-    Raised {
-        heights_m,
-        std_m: deviations_m.iter().map(|m| Calibration::FITTED.stated_m(*m)).collect(),
-        residual_m: process.residual_m(measured),
+    Conditioned {
+        residual_m: process.residual_m(&observations[..evidence.measured.len()]),
         judged: attractors,
         rigid: rigid_offsets(&process, &observations),
-        process: VertexProcess::new(process, vertices, deviations_m),
+        process,
         hyperparameters,
         log_likelihood,
+    }
+}
+
+impl Conditioned {
+    /// The template's surface raised by it. Every fit is judged without; only what is kept is raised.
+    pub(crate) fn raise(self, surface: &TemplateSurface) -> Raised {
+        let Self { process, residual_m, hyperparameters, .. } = self;
+        let vertices = surface.vertices();
+        let (heights_m, deviations_m) = process.predict(&vertices);
+        Raised {
+            heights_m,
+            std_m: deviations_m.iter().map(|m| Calibration::FITTED.stated_m(*m)).collect(),
+            residual_m,
+            process: VertexProcess::new(process, vertices, deviations_m),
+            hyperparameters,
+        }
     }
 }
 

@@ -19,6 +19,7 @@ mod limb;
 mod part;
 mod part_fit;
 mod patch_frame;
+mod samples;
 mod selection;
 mod split;
 mod starts;

@@ -13,7 +13,7 @@ pub use reach::{Reach, scaled_hops};
 pub(crate) use symmetric::lowered_by_symmetry;
 
 use crate::evidence::attractor::Attractor;
-use crate::geometry::{Connectivity, Point, Ring};
+use crate::geometry::{Cloud, Connectivity, Point, Ring};
 
 /// The uncertainty of every vertex, in [0, 1]; always computed afresh from all attractors.
 pub fn propagate(
@@ -24,9 +24,9 @@ pub fn propagate(
 ) -> Vec<f64> {
     let hops = scaled_hops(reach.hops, vertices.len());
     let mut uncertainty = vec![1.0_f64; vertices.len()];
-    let mut ring = Ring::new(vertices.len());
+    let (cloud, mut ring) = (Cloud::new(vertices), Ring::new(vertices.len()));
     for attractor in attractors {
-        let Some(nearest) = nearest_vertex(vertices, &attractor.point) else { continue };
+        let Some(nearest) = cloud.nearest(&attractor.point) else { continue };
         for &vertex in ring.around(connectivity, nearest, hops) {
             let distance_m = (vertices[vertex as usize] - attractor.point).norm();
             let u = reach.spread(attractor.uncertainty, distance_m);
@@ -39,14 +39,7 @@ pub fn propagate(
 
 /// The index of the vertex nearest to a point.
 pub fn nearest_vertex(vertices: &[Point], point: &Point) -> Option<u32> {
-    let mut nearest = (f64::INFINITY, None);
-    for (index, vertex) in vertices.iter().enumerate() {
-        let square = (vertex - point).norm_squared();
-        if square < nearest.0 {
-            nearest = (square, Some(index as u32));
-        }
-    }
-    nearest.1
+    Cloud::new(vertices).nearest(point)
 }
 
 #[cfg(test)]

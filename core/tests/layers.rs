@@ -6,9 +6,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// From the ground up: a room may use those above it in this list, and nothing below.
-const FLOORS: [&str; 18] = [
+const FLOORS: [&str; 19] = [
     "error",
     "warning",
+    "vectorised",
     "geometry",
     "mesh_file",
     "fingerprint",

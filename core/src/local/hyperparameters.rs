@@ -178,7 +178,10 @@ impl Problem<'_> {
         expected_count: f64,
         observations: &[Observation],
     ) -> Displacement {
-        let shares = self.attractors.iter().zip(process.determined(observations));
+        // What was seen comes first, and is the larger part.
+        let first = self.attractors.iter().position(|a| a.sense == Sense::Touch);
+        let first = first.unwrap_or(self.attractors.len());
+        let shares = self.attractors[first..].iter().zip(process.determined(observations, first));
         let touches = shares.filter(|(a, _)| a.sense == Sense::Touch).map(|(_, share)| share);
         let (squares, count) = touches.fold((0.0, 0.0), |sum, share| (sum.0 + share.0, sum.1 + share.1));
         let squares_m2 = f64::max(squares, 0.0) * process.prior().amplitude_m.powi(2);
@@ -215,12 +218,15 @@ impl Problem<'_> {
         // A declared symmetry needs no further evidence.
         let margin =
             if self.declared.is_some() { f64::NEG_INFINITY } else { (BAYES_FACTOR * HYPOTHESES).ln() };
+        let is_possible = |symmetry: &Symmetry| *symmetry != Symmetry::None && self.is_possible(*symmetry);
+        let possible: Vec<Symmetry> = candidates.into_iter().filter(is_possible).collect();
+        if possible.is_empty() {
+            return alone;
+        }
         let compared = |process: &Displacement| self.with_amplitude(process, COMPARED_COUNT, observations);
         let plain = compared(&compared(&alone));
-        let processes = candidates
-            .into_iter()
-            .filter(|symmetry| *symmetry != Symmetry::None && self.is_possible(*symmetry))
-            .map(|symmetry| plain.with_symmetry(self.frame(symmetry), observations));
+        let processes =
+            possible.into_iter().map(|symmetry| plain.with_symmetry(self.frame(symmetry), observations));
         match processes.max_by(|a, b| a.evidence().total_cmp(&b.evidence())) {
             Some(best) => {
                 let best = compared(&compared(&best));

@@ -8,53 +8,89 @@
 //! distance, damped by the angle between the normals.
 
 use faer::Mat;
-use wide::f32x8;
 
 use crate::geometry::{SurfacePoint, Vector};
+use crate::vectorised::{exp_f32, widest};
 
 /// Weight of the angle between normals in the kernel.
-const NORMAL_WEIGHT: f64 = 1.5;
-/// Kernels that are evaluated at a time.
-const LANES: usize = 8;
+const NORMAL_WEIGHT: f32 = 1.5;
+/// Known points whose kernels are evaluated at a time.
+const LANES: usize = 32;
 
-/// Adds `variance` times the correlation of every known point (row) with every queried one
-/// (column).
-///
-/// In single precision, eight known points at a time, and relative to one of them, so that nothing
-/// is lost far from the frame's origin.
-pub(super) fn add_covariances(
-    cross: &mut Mat<f32>,
-    known: &[SurfacePoint],
-    queried: &[SurfacePoint],
-    length_m: f64,
-    variance: f64,
-) {
-    let Some(origin) = known.first().map(|place| place.point) else { return };
-    let narrow = |vector: &Vector| [0, 1, 2].map(|axis| vector[axis] as f32);
-    let split = |place: &SurfacePoint| (narrow(&(place.point - origin)), narrow(&place.normal));
-    let blocks: Vec<([f32x8; 3], [f32x8; 3])> = known
-        .chunks(LANES)
-        .map(|places| {
-            let lanes: [_; LANES] = std::array::from_fn(|lane| split(&places[lane.min(places.len() - 1)]));
-            let points = [0, 1, 2].map(|axis| f32x8::from(lanes.map(|(point, _)| point[axis])));
-            let normals = [0, 1, 2].map(|axis| f32x8::from(lanes.map(|(_, normal)| normal[axis])));
-            (points, normals)
-        })
-        .collect();
-    let (per_length, normal_weight, variance) =
-        ((3.0_f64.sqrt() / length_m) as f32, NORMAL_WEIGHT as f32, variance as f32);
-    for (column, query) in queried.iter().enumerate() {
-        let (point, normal) = split(query);
-        for ((points, normals), sums) in blocks.iter().zip(cross.col_as_slice_mut(column).chunks_mut(LANES)) {
-            let [dx, dy, dz] = [0, 1, 2].map(|axis| points[axis] - point[axis]);
-            let [nx, ny, nz] = [0, 1, 2].map(|axis| normals[axis] * normal[axis]);
-            let r = (dx * dx + dy * dy + dz * dz).sqrt() * per_length;
-            let values = (r + 1.0) * ((nx + ny + nz - 1.0) * normal_weight - r).exp() * variance;
-            for (sum, value) in sums.iter_mut().zip(values.to_array()) {
-                *sum += value;
+/// The coordinates of some points, then those of their normals, each for a block of points.
+type Block = [[f32; LANES]; 6];
+
+/// Points whose correlations with others are asked for, in single precision and relative to one of them, so
+/// that nothing is lost far from the frame's origin.
+#[derive(Debug)]
+pub(super) struct Known {
+    origin: Vector,
+    blocks: Vec<Block>,
+}
+
+impl Known {
+    /// Prepares some points.
+    pub(super) fn new(points: &[SurfacePoint]) -> Self {
+        let origin = points.first().map_or_else(Vector::zeros, |first| first.point);
+        let block = |points: &[SurfacePoint]| {
+            let mut block = [[0.0; LANES]; 6];
+            for (lane, point) in points.iter().enumerate() {
+                narrow(point, &origin).iter().zip(&mut block).for_each(|(value, lanes)| lanes[lane] = *value);
             }
-        }
+            block
+        };
+        Self { origin, blocks: points.chunks(LANES).map(block).collect() }
     }
+
+    /// Adds `variance` times the correlation of every known point (row) with every queried one (column).
+    pub(super) fn add_covariances(
+        &self,
+        cross: &mut Mat<f32>,
+        queried: &[SurfacePoint],
+        length_m: f64,
+        variance: f64,
+    ) {
+        let per_length = (3.0_f64.sqrt() / length_m) as f32;
+        let variance = variance as f32;
+        let Self { origin, blocks } = self;
+        widest(
+            #[inline(always)]
+            || {
+                for (column, query) in queried.iter().enumerate() {
+                    let query = narrow(query, origin);
+                    let sums = cross.col_as_slice_mut(column).chunks_mut(LANES);
+                    for (block, sums) in blocks.iter().zip(sums) {
+                        let values = correlations(block, &query, per_length);
+                        for (sum, value) in sums.iter_mut().zip(&values) {
+                            *sum += variance * value;
+                        }
+                    }
+                }
+            },
+        );
+    }
+}
+
+/// A point seen from an origin, and its normal.
+#[inline(always)]
+fn narrow(place: &SurfacePoint, origin: &Vector) -> [f32; 6] {
+    let (point, normal) = (place.point - origin, place.normal);
+    [point.x, point.y, point.z, normal.x, normal.y, normal.z].map(|value| value as f32)
+}
+
+/// The correlations of a block of points with one other.
+#[inline(always)]
+fn correlations(block: &Block, query: &[f32; 6], per_length: f32) -> [f32; LANES] {
+    let [xs, ys, zs, us, vs, ws] = block;
+    let [x, y, z, u, v, w] = *query;
+    let mut values = [0.0; LANES];
+    for lane in 0..LANES {
+        let (dx, dy, dz) = (xs[lane] - x, ys[lane] - y, zs[lane] - z);
+        let r = per_length * (dx * dx + dy * dy + dz * dz).sqrt();
+        let cosine = us[lane] * u + vs[lane] * v + ws[lane] * w;
+        values[lane] = (r + 1.0) * exp_f32(NORMAL_WEIGHT * (cosine - 1.0) - r);
+    }
+    values
 }
 
 #[cfg(test)]
@@ -66,7 +102,7 @@ mod tests {
     fn covariances_are_those_of_the_formula_in_double_precision() {
         let formula = |a: &SurfacePoint, b: &SurfacePoint| {
             let r = 3.0_f64.sqrt() * (a.point - b.point).norm() / 0.03;
-            (1.0 + r) * (-r + NORMAL_WEIGHT * (a.normal.dot(&b.normal) - 1.0)).exp()
+            (1.0 + r) * (-r + 1.5 * (a.normal.dot(&b.normal) - 1.0)).exp()
         };
         // As far from the frame's origin as a workspace may reach.
         let far = Vector::new(9e3, -8e3, 7e3);
@@ -74,7 +110,7 @@ mod tests {
         let places: Vec<SurfacePoint> =
             directions.map(|normal| SurfacePoint { point: far + normal * 0.05, normal }).collect();
         let mut covariances = Mat::zeros(5, places.len());
-        add_covariances(&mut covariances, &places[..5], &places, 0.03, 2.0);
+        Known::new(&places[..5]).add_covariances(&mut covariances, &places, 0.03, 2.0);
         for (row, known) in places[..5].iter().enumerate() {
             for (column, queried) in places.iter().enumerate() {
                 assert!((f64::from(covariances[(row, column)]) - 2.0 * formula(known, queried)).abs() < 1e-6);

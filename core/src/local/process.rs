@@ -6,13 +6,15 @@
 
 use std::sync::Arc;
 
+use faer::linalg::matmul::matmul;
 use faer::linalg::solvers::{Llt, Solve};
+use faer::linalg::triangular_inverse::invert_lower_triangular;
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
-use faer::{Col, Mat, Par, Scale, Side};
+use faer::{Accum, Col, Mat, Par, Scale, Side};
 
 use nalgebra::{DMatrix, DVector, Matrix3};
 
-use super::kernel::add_covariances;
+use super::kernel::Known;
 use crate::evidence::RigidOffset;
 use crate::evidence::attractor::Rigid;
 use crate::geometry::{SurfacePoint, Vector};
@@ -23,6 +25,10 @@ const SYMMETRIC_SHARE: f64 = 0.9;
 /// This share of the prior's variance is added to that of every measurement: the system stays
 /// regular, whatever its kernels are rounded to.
 const JITTER: f64 = 1e-5;
+/// Points that are predicted at a time, and rows of the inverse factor that are applied to them at a time: the
+/// covariances of a block stay in the cache.
+const BLOCK: usize = 256;
+const PANEL: usize = 48;
 /// Where that does not do, this share of the largest variance is added, then ten times as much, so many times.
 const FIRST_ADDED: f64 = 1e-9;
 const ADDITIONS: usize = 14;
@@ -84,65 +90,89 @@ impl Prior {
         (own * self.amplitude_m.powi(2), shared * self.amplitude_m.powi(2))
     }
 
-    /// Covariances of displacements at some points, given with their representatives (rows), and at
-    /// others (columns), in square metres.
-    fn covariance(
-        &self,
-        (rows, representatives): (&[SurfacePoint], &[SurfacePoint]),
-        columns: &[SurfacePoint],
-    ) -> Mat<f32> {
-        let (own, shared) = self.variances();
-        let mut covariance = Mat::zeros(rows.len(), columns.len());
-        add_covariances(&mut covariance, rows, columns, self.length_m, own);
-        if shared > 0.0 {
-            add_covariances(
-                &mut covariance,
-                representatives,
-                &self.frame.representatives(columns),
-                self.length_m,
-                shared,
-            );
-        }
-        covariance
-    }
-
     /// What is added to the variance of every measurement, in square metres.
     pub(super) fn jitter(&self) -> f64 {
         JITTER * self.amplitude_m.powi(2)
     }
 }
 
-/// The points of some measurements and their correlations, which depend neither on the amplitude
-/// nor on the noise.
+/// Points with their representatives, prepared for covariances with others.
+#[derive(Debug)]
+struct Places {
+    points: Known,
+    representatives: Known,
+}
+
+impl Places {
+    fn new(prior: &Prior, points: &[SurfacePoint]) -> Self {
+        let representatives = prior.frame.representatives(points);
+        Self { points: Known::new(points), representatives: Known::new(&representatives) }
+    }
+
+    /// Covariances of displacements at these points (rows) and at others (columns), in square metres.
+    fn covariance(&self, prior: &Prior, rows: usize, columns: &[SurfacePoint]) -> Mat<f32> {
+        let (own, shared) = prior.variances();
+        let mut covariance = Mat::zeros(rows, columns.len());
+        self.points.add_covariances(&mut covariance, columns, prior.length_m, own);
+        if shared > 0.0 {
+            let columns = prior.frame.representatives(columns);
+            self.representatives.add_covariances(&mut covariance, &columns, prior.length_m, shared);
+        }
+        covariance
+    }
+}
+
+/// What of some measurements depends neither on the amplitude nor on the noise: their points with their
+/// correlations, and the variance that they share.
 #[derive(Debug)]
 struct Gram {
     points: Vec<SurfacePoint>,
-    representatives: Vec<SurfacePoint>,
+    places: Places,
     /// Correlations of the points themselves, whatever the symmetry.
     plain: Arc<Mat<f32>>,
     /// Correlations with the share of the symmetry.
     correlation: Arc<Mat<f32>>,
+    /// Covariances by rigid offsets, below the diagonal and on it, in square metres.
+    rigid: Arc<Mat<f64>>,
 }
 
 impl Gram {
     fn new(prior: &Prior, observations: &[Observation]) -> Self {
         let points: Vec<SurfacePoint> = observations.iter().map(|o| o.at).collect();
-        let mut plain = Mat::zeros(points.len(), points.len());
-        add_covariances(&mut plain, &points, &points, prior.length_m, 1.0);
-        Self::symmetric(prior, points, Arc::new(plain))
+        let count = points.len();
+        let mut plain = Mat::zeros(count, count);
+        Known::new(&points).add_covariances(&mut plain, &points, prior.length_m, 1.0);
+        let mut rigid = Mat::zeros(count, count);
+        for (column, other) in observations.iter().enumerate().filter(|(_, o)| o.rigid != [None; 2]) {
+            for row in column..count {
+                rigid[(row, column)] = observations[row].shared_variance(other);
+            }
+        }
+        Self::symmetric(prior, points, Arc::new(plain), Arc::new(rigid))
     }
 
-    fn symmetric(prior: &Prior, points: Vec<SurfacePoint>, plain: Arc<Mat<f32>>) -> Self {
-        let representatives = prior.frame.representatives(&points);
+    fn symmetric(
+        prior: &Prior,
+        points: Vec<SurfacePoint>,
+        plain: Arc<Mat<f32>>,
+        rigid: Arc<Mat<f64>>,
+    ) -> Self {
+        let places = Places::new(prior, &points);
         let (own, shared) = prior.shares();
         let correlation = if shared > 0.0 {
+            let representatives = prior.frame.representatives(&points);
             let mut correlation = plain.as_ref() * Scale(own as f32);
-            add_covariances(&mut correlation, &representatives, &representatives, prior.length_m, shared);
+            places.representatives.add_covariances(
+                &mut correlation,
+                &representatives,
+                prior.length_m,
+                shared,
+            );
             Arc::new(correlation)
         } else {
             Arc::clone(&plain)
         };
-        Self { points, representatives, plain, correlation }
+        Self { points, places, plain, correlation, rigid }
     }
 }
 
@@ -172,7 +202,8 @@ impl Displacement {
     /// The same process under another symmetry.
     pub fn with_symmetry(&self, frame: SymmetryFrame, observations: &[Observation]) -> Self {
         let prior = Prior { frame, ..self.prior };
-        let gram = Gram::symmetric(&prior, self.gram.points.clone(), Arc::clone(&self.gram.plain));
+        let Gram { points, plain, rigid, .. } = &*self.gram;
+        let gram = Gram::symmetric(&prior, points.clone(), Arc::clone(plain), Arc::clone(rigid));
         Self::conditioned(prior, Arc::new(gram), observations)
     }
 
@@ -181,9 +212,10 @@ impl Displacement {
         let variance = prior.amplitude_m * prior.amplitude_m;
         let mut system = Mat::zeros(count, count);
         for column in 0..count {
-            for row in column..count {
-                system[(row, column)] = variance * f64::from(gram.correlation[(row, column)])
-                    + observations[row].shared_variance(&observations[column]);
+            let below = (gram.correlation.col_as_slice(column).iter().zip(gram.rigid.col_as_slice(column)))
+                .zip(system.col_as_slice_mut(column));
+            for ((correlation, rigid), entry) in below.skip(column) {
+                *entry = variance * f64::from(*correlation) + rigid;
             }
             system[(column, column)] += observations[column].noise_m.powi(2) + prior.jitter();
         }
@@ -230,12 +262,12 @@ impl Displacement {
         (left.map(|m| m * m).sum::<f64>() / observations.len().max(1) as f64).sqrt()
     }
 
-    /// For each measurement its share in how large the displacements are, squared and in units of the
-    /// prior's variance, and in how many of them the measurements determine against their noise:
+    /// For each measurement from a first one on its share in how large the displacements are, squared and in
+    /// units of the prior's variance, and in how many of them the measurements determine against their noise:
     /// the most likely amplitude is the one with which both sums are the same (MacKay's evidence
     /// framework).
-    pub fn determined(&self, observations: &[Observation]) -> Vec<(f64, f64)> {
-        let measurements = observations.iter().zip(&self.weights).zip(self.precisions());
+    pub fn determined(&self, observations: &[Observation], first: usize) -> Vec<(f64, f64)> {
+        let measurements = observations.iter().zip(&self.weights).skip(first).zip(self.precisions(first));
         let share = |((o, weight), precision): ((&Observation, &f64), f64)| {
             let variance = self.noise_variance(o);
             (weight * (o.height_m - variance * weight), 1.0 - variance * precision)
@@ -247,8 +279,12 @@ impl Displacement {
     /// they expect, in metres, and the variance of their expectation without the measurement's own noise, in square
     /// metres.
     pub fn left_out(&self, observations: &[Observation], groups: &[Vec<usize>]) -> Vec<(f64, f64)> {
-        let inverse = self.inverse_factor();
-        let precision = |a: usize, b: usize| inverse.col(a).transpose() * inverse.col(b);
+        let inverse = self.inverse_factor(0);
+        let precision = |a: usize, b: usize| {
+            let from = a.max(b);
+            let (a, b) = (&inverse.col_as_slice(a)[from..], &inverse.col_as_slice(b)[from..]);
+            a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>()
+        };
         let of_first = |group: &Vec<usize>| {
             let among = |i: usize, j: usize| precision(group[i], group[j]);
             let covariances = DMatrix::from_fn(group.len(), group.len(), among).try_inverse()?;
@@ -294,17 +330,19 @@ impl Displacement {
         }
     }
 
-    /// The diagonal of `K⁻¹`.
-    fn precisions(&self) -> Vec<f64> {
-        let inverse = self.inverse_factor();
-        (0..self.weights.len()).map(|column| inverse.col(column).squared_norm_l2()).collect()
+    /// The diagonal of `K⁻¹` from a first measurement on.
+    fn precisions(&self, first: usize) -> Vec<f64> {
+        let inverse = self.inverse_factor(first);
+        (0..inverse.ncols()).map(|column| inverse.col(column).squared_norm_l2()).collect()
     }
 
-    /// `L⁻¹`, where `K = L Lᵀ`: the products of its columns are `K⁻¹`.
-    fn inverse_factor(&self) -> Mat<f64> {
-        let count = self.weights.len();
-        let mut inverse = Mat::<f64>::identity(count, count);
-        solve_lower_triangular_in_place(self.factor.as_ref(), inverse.as_mut(), Par::Seq);
+    /// The part of `L⁻¹` from a first measurement on, where `K = L Lᵀ`: the products of its columns are `K⁻¹`
+    /// there.
+    fn inverse_factor(&self, first: usize) -> Mat<f64> {
+        let count = self.weights.len() - first;
+        let mut inverse = Mat::<f64>::zeros(count, count);
+        let factor = self.factor.submatrix(first, first, count, count);
+        invert_lower_triangular(inverse.as_mut(), factor, Par::Seq);
         inverse
     }
 
@@ -315,31 +353,36 @@ impl Displacement {
 
     /// The expected displacements at some points, in metres.
     pub fn means_m(&self, points: &[SurfacePoint]) -> Vec<f64> {
-        self.weighted(&self.cross(points))
+        points.chunks(BLOCK).flat_map(|points| self.weighted(&self.cross(points))).collect()
     }
 
     /// Expected displacements and their standard deviations at many points, in metres.
     pub fn predict(&self, points: &[SurfacePoint]) -> (Vec<f64>, Vec<f64>) {
         let (own, shared) = self.prior.variances();
-        let cross = self.cross(points);
-        let means = self.weighted(&cross);
-        let explained = self.explained(cross);
-        let left = |column: usize| own + shared - f64::from(explained.col(column).squared_norm_l2());
-        let deviations = (0..points.len()).map(|column| left(column).max(0.0).sqrt()).collect();
+        let explaining = self.explaining();
+        let (mut means, mut deviations) = (Vec::new(), Vec::new());
+        for points in points.chunks(BLOCK) {
+            let cross = self.cross(points);
+            means.extend(self.weighted(&cross));
+            let explained = explain(&explaining, &cross);
+            let left = |column: usize| own + shared - f64::from(explained.col(column).squared_norm_l2());
+            deviations.extend((0..points.len()).map(|column| left(column).max(0.0).sqrt()));
+        }
         (means, deviations)
     }
 
     /// Covariances that are left between the displacements at some points (rows) and at others
     /// (columns), in square metres: what a touch at one point says about another.
     pub fn covariance(&self, rows: &[SurfacePoint], columns: &[SurfacePoint]) -> Mat<f32> {
-        let before = self.prior.covariance((rows, &self.prior.frame.representatives(rows)), columns);
-        let explained = |points: &[SurfacePoint]| self.explained(self.cross(points));
+        let before = Places::new(&self.prior, rows).covariance(&self.prior, rows.len(), columns);
+        let explaining = self.explaining();
+        let explained = |points: &[SurfacePoint]| explain(&explaining, &self.cross(points));
         before - explained(rows).transpose() * explained(columns)
     }
 
     /// Covariances of the measurements (rows) with the displacements at some points (columns).
     fn cross(&self, points: &[SurfacePoint]) -> Mat<f32> {
-        self.prior.covariance((&self.gram.points, &self.gram.representatives), points)
+        self.gram.places.covariance(&self.prior, self.weights.len(), points)
     }
 
     fn weighted(&self, cross: &Mat<f32>) -> Vec<f64> {
@@ -348,13 +391,26 @@ impl Displacement {
         (0..cross.ncols()).map(mean).collect()
     }
 
-    /// Columns whose squared length is the variance that the measurements explain.
-    fn explained(&self, mut cross: Mat<f32>) -> Mat<f32> {
-        let count = self.weights.len();
-        let factor = Mat::from_fn(count, count, |row, column| self.factor[(row, column)] as f32);
-        solve_lower_triangular_in_place(factor.as_ref(), cross.as_mut(), Par::Seq);
-        cross
+    /// `L⁻¹` in single precision: by products with it, which are faster than solutions, [`explain`] finds what
+    /// the measurements say.
+    fn explaining(&self) -> Mat<f32> {
+        let inverse = self.inverse_factor(0);
+        Mat::from_fn(inverse.nrows(), inverse.ncols(), |row, column| inverse[(row, column)] as f32)
     }
+}
+
+/// `L⁻¹ C`: columns whose squared length is the variance that the measurements explain.
+fn explain(inverse: &Mat<f32>, cross: &Mat<f32>) -> Mat<f32> {
+    let (count, points) = (cross.nrows(), cross.ncols());
+    let mut explained = Mat::zeros(count, points);
+    for from in (0..count).step_by(PANEL) {
+        // Right of its diagonal the inverse is zero.
+        let (rows, to) = (PANEL.min(count - from), (from + PANEL).min(count));
+        let panel = explained.as_mut().submatrix_mut(from, 0, rows, points);
+        let (inverse, cross) = (inverse.submatrix(from, 0, rows, to), cross.submatrix(0, 0, to, points));
+        matmul(panel, Accum::Replace, inverse, cross, 1.0, Par::Seq);
+    }
+    explained
 }
 
 /// The Cholesky factor of a kernel matrix with noise. It is positive definite but for rounding, against which more
@@ -468,7 +524,7 @@ mod tests {
             .map(|amplitude_m| first.refit(amplitude_m, &seen))
             .max_by(|a, b| a.evidence().total_cmp(&b.evidence()))
             .unwrap();
-        let shares = most_likely.determined(&seen);
+        let shares = most_likely.determined(&seen, 0);
         let (squares, count) = shares.iter().fold((0.0, 0.0), |sum, s| (sum.0 + s.0, sum.1 + s.1));
         assert!((squares / count - 1.0).abs() < 0.02, "{squares} of {count}");
         assert!(count > 5.0 && count < seen.len() as f64);

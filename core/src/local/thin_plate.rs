@@ -2,17 +2,19 @@
 //! (Section III-E).
 
 use faer::linalg::solvers::Solve;
-use faer::{Col, Mat};
-use wide::f64x4;
+use faer::{Col, Mat, Side};
 
 use crate::geometry::{Point, Vector};
 use crate::template::Projection;
+use crate::vectorised::{ln, widest};
 
 /// Coordinates are divided by this before the kernel, in metres.
 const LENGTH_UNIT_M: f64 = 0.05;
 /// Added to the kernel's diagonal: lets the plate miss an attractor a little, and coincident
 /// attractors share their place.
 const SMOOTHING: f64 = 1e-3;
+/// Centres whose kernels are evaluated at a time.
+const LANES: usize = 16;
 /// Keeps the system regular when the centres span no volume.
 const POLYNOMIAL_RIDGE: f64 = -1e-9;
 
@@ -26,15 +28,8 @@ pub struct ThinPlate {
     residual_m: f64,
 }
 
-/// Four centres with their weights: the kernel is evaluated four at a time. The last ones are
-/// filled up with weights of zero.
-#[derive(Clone, Copy, Debug)]
-struct Centres {
-    x: f64x4,
-    y: f64x4,
-    z: f64x4,
-    weight: f64x4,
-}
+/// The coordinates of some centres and their weights. The last ones are filled up with weights of zero.
+type Centres = [[f64; LANES]; 4];
 
 impl ThinPlate {
     /// The plate through the given displacements, at least one.
@@ -45,55 +40,79 @@ impl ThinPlate {
         let centres: Vec<Vector> =
             projections.iter().map(|projection| scaled(&origin, &projection.foot.point.into())).collect();
         let basis = |row: usize, power: usize| if power == 0 { 1.0 } else { centres[row][power - 1] };
-        let system = Mat::from_fn(count + 4, count + 4, |row, column| match (row < count, column < count) {
-            (true, true) if row == column => SMOOTHING,
-            (true, true) => kernel((centres[row] - centres[column]).norm_squared()),
-            (true, false) => basis(row, column - count),
-            (false, true) => basis(column, row - count),
-            (false, false) if row == column => POLYNOMIAL_RIDGE,
-            (false, false) => 0.0,
-        });
+        // Below its diagonal; it is symmetric.
+        let mut system = Mat::<f64>::zeros(count + 4, count + 4);
+        widest(
+            #[inline(always)]
+            || {
+                for (column, centre) in centres.iter().enumerate() {
+                    let below = &mut system.col_as_slice_mut(column)[column..count];
+                    for (entry, other) in below.iter_mut().zip(&centres[column..]) {
+                        let (dx, dy, dz) = (other.x - centre.x, other.y - centre.y, other.z - centre.z);
+                        *entry = kernel(dx * dx + dy * dy + dz * dz);
+                    }
+                    below[0] = SMOOTHING;
+                }
+            },
+        );
+        for power in 0..4 {
+            (0..count).for_each(|column| system[(count + power, column)] = basis(column, power));
+            system[(count + power, count + power)] = POLYNOMIAL_RIDGE;
+        }
         let displacement = |row: usize| projections.get(row).map_or(0.0, |p| p.height_m);
-        let factor = system.partial_piv_lu();
+        let factor = system.lblt(Side::Lower);
         let solution = factor.solve(Col::from_fn(count + 4, displacement));
         let weights: Vec<f64> = (0..count).map(|row| solution[row]).collect();
         // The smoothing term is exactly what separates the plate from its data.
         let mean_square = weights.iter().map(|w| (SMOOTHING * w).powi(2)).sum::<f64>() / count.max(1) as f64;
         let linear = std::array::from_fn(|power| solution[count + power]);
-        let lanes = |from: usize, value: &dyn Fn(usize) -> f64| {
-            f64x4::from(std::array::from_fn(
-                |lane| if from + lane < count { value(from + lane) } else { 0.0 },
-            ))
+        let block = |from: usize| {
+            let mut block = [[0.0; LANES]; 4];
+            for (lane, row) in (from..count.min(from + LANES)).enumerate() {
+                (0..3).for_each(|axis| block[axis][lane] = centres[row][axis]);
+                block[3][lane] = weights[row];
+            }
+            block
         };
-        let centres = (0..count)
-            .step_by(4)
-            .map(|from| Centres {
-                x: lanes(from, &|row| centres[row].x),
-                y: lanes(from, &|row| centres[row].y),
-                z: lanes(from, &|row| centres[row].z),
-                weight: lanes(from, &|row| weights[row]),
-            })
-            .collect();
+        let centres = (0..count).step_by(LANES).map(block).collect();
         Self { origin, centres, linear, residual_m: mean_square.sqrt() }
     }
 
     /// The displacement at a point, in metres.
     pub fn displacement_m(&self, point: &Point) -> f64 {
-        let x = scaled(&self.origin, point);
-        let mut bending = f64x4::ZERO;
-        for centres in &self.centres {
-            let (dx, dy, dz) = (centres.x - x.x, centres.y - x.y, centres.z - x.z);
-            // A square of nearly zero keeps the logarithm finite, and gives zero all the same.
-            let square = (dx * dx + dy * dy + dz * dz).max(f64x4::splat(1e-300));
-            bending += centres.weight * square * square.ln();
-        }
-        let flat = self.linear[0] + self.linear[1] * x.x + self.linear[2] * x.y + self.linear[3] * x.z;
-        0.5 * bending.reduce_add() + flat
+        self.heights_m(&[*point])[0]
     }
 
     /// The displacements at some points, in metres.
     pub fn heights_m(&self, points: &[Point]) -> Vec<f64> {
-        points.iter().map(|point| self.displacement_m(point)).collect()
+        let mut heights_m = vec![0.0; points.len()];
+        widest(
+            #[inline(always)]
+            || {
+                for (height_m, point) in heights_m.iter_mut().zip(points) {
+                    *height_m = self.height_m(point);
+                }
+            },
+        );
+        heights_m
+    }
+
+    #[inline(always)]
+    fn height_m(&self, point: &Point) -> f64 {
+        let at = (point - self.origin) / LENGTH_UNIT_M;
+        let mut bending = [0.0; LANES];
+        for [xs, ys, zs, weights] in &self.centres {
+            for lane in 0..LANES {
+                let (dx, dy, dz) = (xs[lane] - at.x, ys[lane] - at.y, zs[lane] - at.z);
+                bending[lane] += weights[lane] * kernel(dx * dx + dy * dy + dz * dz);
+            }
+        }
+        let flat = self.linear[0] + self.linear[1] * at.x + self.linear[2] * at.y + self.linear[3] * at.z;
+        let mut sum = flat;
+        for lane in bending {
+            sum += lane;
+        }
+        sum
     }
 
     /// Root mean square of what smoothing leaves of the heights it was fitted to, in metres.
@@ -107,8 +126,11 @@ fn scaled(origin: &Point, point: &Point) -> Vector {
 }
 
 /// `r² log r` from `r²`; 0 at 0.
+#[inline(always)]
 fn kernel(square: f64) -> f64 {
-    if square > 0.0 { 0.5 * square * square.ln() } else { 0.0 }
+    // A square of nearly zero keeps the logarithm finite, and gives zero all the same.
+    let square = square.max(1e-300);
+    0.5 * square * ln(square)
 }
 
 #[cfg(test)]

@@ -5,14 +5,14 @@ use crate::evidence::ledger::{Ledger, Touch};
 use crate::evidence::{DOUBTED, Reading, RigidOffset, TouchedPoint};
 use crate::exploration::DoubtedTouch;
 use crate::geometry::Point;
-use crate::local::Raised;
+use crate::local::Conditioned;
 
 /// A reading as it is after a fit with it.
-pub(super) fn learnt(reading: &Reading, raised: &Raised) -> Reading {
+pub(super) fn learnt(reading: &Reading, conditioned: &Conditioned) -> Reading {
     let mut next = reading.clone();
     if reading.doubts_touches {
         next.seen_doubts.clear();
-        for Attractor { sense, provenance, .. } in &raised.judged {
+        for Attractor { sense, provenance, .. } in &conditioned.judged {
             let Provenance { source, index, doubt, .. } = *provenance;
             match sense {
                 Sense::Touch => {
@@ -27,7 +27,7 @@ pub(super) fn learnt(reading: &Reading, raised: &Raised) -> Reading {
         }
     }
     next.view_offsets.clear();
-    for &(group, offset) in &raised.rigid {
+    for &(group, offset) in &conditioned.rigid {
         match group {
             Group::View(view) => {
                 let known = next.view_offsets.len().max(view + 1);

@@ -15,7 +15,7 @@ use crate::evidence::attractor::Sense;
 use crate::evidence::free_space::FreeSpace;
 use crate::evidence::ledger::{Ledger, Motion};
 use crate::evidence::{DOUBTED, Reading, RigidOffset};
-use crate::geometry::{Direction, Point, Pose, Vector};
+use crate::geometry::{Cloud, Direction, Point, Pose, Vector};
 
 /// The latest attempts that are looked at, and how many surprises among them ask for a closer look.
 const LATEST: usize = 16;
@@ -48,9 +48,17 @@ const LEAST_GAIN: f64 = 3.0;
 
 /// A surface as it was before a motion.
 pub(super) struct Known<'a> {
-    pub(super) vertices: &'a [Point],
-    pub(super) normals: &'a [Direction],
-    pub(super) std_m: &'a [f64],
+    vertices: &'a [Point],
+    normals: &'a [Direction],
+    std_m: &'a [f64],
+    /// The vertices that are looked at.
+    cloud: Cloud,
+}
+
+impl<'a> Known<'a> {
+    pub(super) fn new(vertices: &'a [Point], normals: &'a [Direction], std_m: &'a [f64]) -> Self {
+        Self { vertices, normals, std_m, cloud: Cloud::new(&vertices[..vertices.len().min(VERTICES)]) }
+    }
 }
 
 /// What was measured since.
@@ -156,7 +164,8 @@ pub(super) fn found(
         let starts = directions.map(|direction| direction * PUSH_M).into_iter().chain(last);
         let descents =
             starts.map(|start| measured.descend(known, start)).filter(|(shift, _)| shift.norm() < FARTHEST_M);
-        let none = measured.cost(known, &Vector::zeros());
+        let unmoved = Vector::zeros();
+        let none = measured.cost(&measured.residuals(known, &unmoved), &unmoved);
         let Some((shift, cost)) = descents.min_by(|a, b| a.1.total_cmp(&b.1)) else { continue };
         let gain = none - cost;
         if (LEAST_M..FARTHEST_M).contains(&shift.norm()) && gain > best.map_or(LEAST_GAIN, |(_, gain)| gain) {
@@ -179,17 +188,10 @@ impl Since {
     }
 
     /// Each measurement's residual in deviations with its slope, where the object has moved by `shift`.
-    fn residuals<'a>(
-        &'a self,
-        known: &'a Known<'_>,
-        shift: &'a Vector,
-    ) -> impl Iterator<Item = (f64, Vector)> + 'a {
+    fn residuals(&self, known: &Known<'_>, shift: &Vector) -> Vec<(f64, Vector)> {
         let at = move |point: &Point, noise_m: f64| {
             let before = point - shift;
-            let square = |vertex: &usize| (known.vertices[*vertex] - before).norm_squared();
-            let nearest = (0..known.vertices.len().min(VERTICES))
-                .min_by(|a, b| square(a).total_cmp(&square(b)))
-                .unwrap_or(0);
+            let nearest = known.cloud.nearest(&before).unwrap_or(0) as usize;
             let normal = known.normals[nearest].into_inner();
             let std_m = known.std_m[nearest].hypot(noise_m);
             ((before - known.vertices[nearest]).dot(&normal) / std_m, -normal / std_m)
@@ -198,33 +200,36 @@ impl Since {
         // What was swept lies outside.
         let free =
             self.free.iter().map(move |point| at(point, SWEPT_M)).filter(|(residual, _)| *residual < 0.0);
-        touches.chain(free)
+        touches.chain(free).collect()
     }
 
-    fn cost(&self, known: &Known<'_>, shift: &Vector) -> f64 {
+    /// The cost of a shift with these residuals.
+    fn cost(&self, residuals: &[(f64, Vector)], shift: &Vector) -> f64 {
         let loss = |residual: f64| 0.5 * ROBUST.powi(2) * (residual / ROBUST).powi(2).ln_1p();
-        let data: f64 = self.residuals(known, shift).map(|(residual, _)| loss(residual)).sum();
+        let data: f64 = residuals.iter().map(|(residual, _)| loss(*residual)).sum();
         data + 0.5 * shift.dot(&(self.precision * shift))
     }
 
     /// Gauss-Newton with Cauchy's weights from a start.
     fn descend(&self, known: &Known<'_>, start: Vector) -> (Vector, f64) {
-        let mut best = (start, self.cost(known, &start));
+        let mut residuals = self.residuals(known, &start);
+        let mut best = (start, self.cost(&residuals, &start));
         for _ in 0..STEPS {
             let mut hessian = self.precision;
             let mut gradient: Vector3<f64> = self.precision * best.0;
-            for (residual, slope) in self.residuals(known, &best.0) {
+            for (residual, slope) in &residuals {
                 let weight = 1.0 / (1.0 + (residual / ROBUST).powi(2));
                 hessian += slope * slope.transpose() * weight;
                 gradient += slope * (weight * residual);
             }
             let Some(step) = hessian.cholesky().map(|factor| factor.solve(&gradient)) else { break };
             let trial = best.0 - step;
-            let cost = self.cost(known, &trial);
+            let of_trial = self.residuals(known, &trial);
+            let cost = self.cost(&of_trial, &trial);
             if cost >= best.1 - 1e-6 {
                 break;
             }
-            best = (trial, cost);
+            (best, residuals) = ((trial, cost), of_trial);
         }
         best
     }

@@ -71,7 +71,7 @@ struct Fitted {
     evidence: FitEvidence,
     template: template::SelectedFit,
     surface: TemplateSurface,
-    raised: local::Raised,
+    conditioned: local::Conditioned,
 }
 
 impl Scene<'_> {
@@ -173,9 +173,10 @@ impl Scene<'_> {
         let Some(first) = since.first() else { return Vec::new() };
         let earlier = ledger.until(*first);
         let known = Scene { ledger: &earlier, start: None, extras: Extras::of_fit(1), ..*self }.fit(reading);
-        let mesh = known.surface.raised(&known.raised.heights_m);
+        let raised = known.conditioned.raise(&known.surface);
+        let mesh = known.surface.raised(&raised.heights_m);
         let normals = mesh.vertex_normals();
-        let known = motion::Known { vertices: &mesh.vertices, normals: &normals, std_m: &known.raised.std_m };
+        let known = motion::Known::new(&mesh.vertices, &normals, &raised.std_m);
         let found = motion::found(reading, ledger, &known, &since);
         let level = found.as_ref().and_then(|motion| motion::level(motion, ledger));
         let is_new =
@@ -206,23 +207,23 @@ impl Scene<'_> {
 
         // Section III-E: a Gaussian process over it meets what was measured and leaves free what was swept.
         let last = start.map(|start| start.hyperparameters);
-        let raised = local::raise(&surface, &template.shape, &evidence, last, extras, config);
-        let mut reading = belief::learnt(reading, &raised);
+        let conditioned = local::condition(&surface, &template.shape, &evidence, last, extras, config);
+        let mut reading = belief::learnt(reading, &conditioned);
         reading.stands_at =
             ledger.support.and_then(|plane| surface.mesh().lowest_over(&plane)).map(|(foot, _)| foot);
-        Fitted { reading, evidence, template, surface, raised }
+        Fitted { reading, evidence, template, surface, conditioned }
     }
 }
 
 impl Fitted {
     fn start(&self) -> Start<'_> {
-        Start { template: &self.template.start, hyperparameters: &self.raised.hyperparameters }
+        Start { template: &self.template.start, hyperparameters: &self.conditioned.hyperparameters }
     }
 
     /// How likely the measurements were, with what the template's parameters cost.
     fn log_likelihood(&self) -> f64 {
         let count = self.evidence.measured.len() as f64;
-        self.raised.log_likelihood - 0.5 * self.template.parameters() * count.ln()
+        self.conditioned.log_likelihood - 0.5 * self.template.parameters() * count.ln()
     }
 
     /// Section III-F: uncertainty spreads from the attractors, then to what a revolution makes symmetric.
@@ -233,7 +234,8 @@ impl Fitted {
         config: &Config,
         sphere: &'static Icosphere,
     ) -> Estimate {
-        let Self { reading, evidence, template, surface, raised } = self;
+        let Self { reading, evidence, template, surface, conditioned } = self;
+        let raised = conditioned.raise(&surface);
         let mut mesh = surface.raised(&raised.heights_m);
         if let Some(support) = support {
             mesh = mesh.above(support);

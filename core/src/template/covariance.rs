@@ -5,10 +5,11 @@
 
 use nalgebra::SMatrix;
 
-use super::distances::{Distances, HUBER};
+use super::distances::Distances;
 use super::fit_data::FitData;
 use super::least_squares::NormalEquations;
 use super::part::{Freedom, Part, Row};
+use super::samples::Side;
 
 /// Of centre, logarithmic semi-axes, a rotation applied on the right, and the exponents; lengths
 /// in those of the patch.
@@ -25,11 +26,9 @@ impl Part {
     /// What the points of the surface that this part is nearest to say about its parameters.
     fn information(&self, data: &FitData, others: &Distances) -> Freedom {
         let (mut equations, field) = (NormalEquations::zero(), self.field());
-        for ((point, weight), other) in data.surface.iter().zip(&others.surface) {
-            let (residual, row) = field.residual(point);
-            if residual <= *other {
-                equations.add_huber(residual, &row, *weight, HUBER);
-            }
+        for (block, others) in data.blocks.iter().zip(&others.blocks).filter(|(b, _)| b.side == Side::Surface)
+        {
+            equations.add_nearest(block, &field.linearised(&block.points), others);
         }
         equations.hessian
     }
@@ -71,7 +70,7 @@ mod tests {
         let surface = Icosphere::get(3).directions.iter().map(|d| can.offset_towards(d));
         // Nothing but the sides is known.
         let sides = surface.filter(|p| p.z.abs() < 0.8).map(|p| (p, 1.0)).collect();
-        let data = FitData { frame, surface: sides, free: Vec::new(), occupied: Vec::new() };
+        let data = FitData::of(frame, sides, &[], &[]);
         let part = Part::of(&can, &frame);
         let nothing = Distances::to(std::iter::empty(), &data);
         let covariance = part.covariance(&data, &nothing, 1e-4);

@@ -2,44 +2,30 @@
 
 use super::field::Field;
 use super::fit_data::FitData;
-use super::least_squares::huber;
 use super::part::Part;
-use crate::geometry::Vector;
+use super::samples::{LANES, Lanes, Side};
 
-/// Attractors further than this from the template count linearly, in lengths of the patch.
-pub(super) const HUBER: f64 = 0.1;
-
-/// For every point of the data the signed distance to the nearest of some parts; infinite for none,
-/// and for a free point outside the boxes around all of them.
+/// For every block of the data the signed distances of its points to the nearest of some parts; infinite for
+/// none, and for free points outside the boxes around all of them.
 #[derive(Clone, Debug)]
 pub(super) struct Distances {
-    pub(super) surface: Vec<f64>,
-    pub(super) free: Vec<f64>,
-    pub(super) occupied: Vec<f64>,
+    pub(super) blocks: Vec<Lanes>,
 }
 
 impl Distances {
     pub(super) fn to<'a>(parts: impl Iterator<Item = &'a Part>, data: &FitData) -> Self {
         let parts: Vec<Field<'_>> = parts.map(Part::field).collect();
-        let nearest =
-            |point: &Vector| parts.iter().map(|part| part.residual(point).0).fold(f64::INFINITY, f64::min);
-        let nearest_of_near = |point: &Vector| {
-            let near = parts.iter().filter(|part| !part.is_beyond(point));
-            near.map(|part| part.residual(point).0).fold(f64::INFINITY, f64::min)
+        let nearest = |points: &[Lanes; 3], side: Side| {
+            let near = parts.iter().filter(|part| side != Side::Outside || !part.is_beyond(points));
+            near.map(|part| part.distances(points)).fold([f64::INFINITY; LANES], |least, other| {
+                std::array::from_fn(|lane| least[lane].min(other[lane]))
+            })
         };
-        Self {
-            surface: data.surface.iter().map(|(point, _)| nearest(point)).collect(),
-            free: data.free.iter().map(nearest_of_near).collect(),
-            occupied: data.occupied.iter().map(nearest).collect(),
-        }
+        Self { blocks: data.blocks.iter().map(|block| nearest(&block.points, block.side)).collect() }
     }
 
     /// The cost of a template at these distances, without its priors.
     pub(super) fn cost(&self, data: &FitData) -> f64 {
-        let weights = data.surface.iter().map(|(_, weight)| weight * weight);
-        let surface: f64 = weights.zip(&self.surface).map(|(weight, r)| weight * huber(*r, HUBER)).sum();
-        let free: f64 = self.free.iter().map(|r| 0.5 * r.min(0.0).powi(2)).sum();
-        let occupied: f64 = self.occupied.iter().map(|r| 0.5 * r.max(0.0).powi(2)).sum();
-        surface + free + occupied
+        data.blocks.iter().zip(&self.blocks).map(|(block, residuals)| block.cost(residuals).0).sum()
     }
 }

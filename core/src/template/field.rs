@@ -1,10 +1,10 @@
 //! The signed distance of a part, evaluated at many points.
 
-use nalgebra::SVector;
-
-use super::part::{Part, Row};
-use super::superquadric::Gauge;
+use super::part::Part;
+use super::samples::{LANES, Lanes};
+use super::superquadric::gauge;
 use crate::geometry::Vector;
+use crate::vectorised::{exp, ln, widest};
 
 /// A part with what every evaluation of its distance needs.
 #[derive(Clone, Debug)]
@@ -12,6 +12,15 @@ pub(super) struct Field<'a> {
     pub(super) part: &'a Part,
     axes: Vector,
     inverse_axes: Vector,
+}
+
+/// The signed distances of a block of points, with their derivatives.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Linearised {
+    /// The signed distance to first order, in lengths of the patch.
+    pub(super) residual: Lanes,
+    /// Its derivatives by centre, logarithmic semi-axes, a rotation applied on the right, and the exponents.
+    pub(super) rows: [Lanes; 11],
 }
 
 impl Part {
@@ -23,35 +32,98 @@ impl Part {
 }
 
 impl Field<'_> {
-    /// The signed distance to first order, with its derivatives by centre, logarithmic semi-axes, a
-    /// rotation applied on the right, and the exponents.
+    /// The signed distances of a block of points to first order, with their derivatives.
     ///
     /// The derivative of the slope in the denominator is left out: it vanishes on the surface.
-    pub(super) fn residual(&self, point: &Vector) -> (f64, Row) {
-        let local = self.local(point);
-        let y = local.component_mul(&self.inverse_axes);
-        let gauge = Gauge::at(&y, self.part.exponents);
-        let slope = gauge.by_y.component_mul(&self.inverse_axes);
-        let per_slope = slope.norm().max(1e-12).recip();
-        let by_centre = self.part.rotation * slope * -per_slope;
-        let by_log_axes = gauge.by_y.component_mul(&y) * -per_slope;
-        let by_rotation = slope.cross(&local) * per_slope;
-        let row = SVector::from_fn(|k, _| match k {
-            0..3 => by_centre[k],
-            3..6 => by_log_axes[k - 3],
-            6..9 => by_rotation[k - 6],
-            _ => gauge.by_exponents[k - 9] * per_slope,
-        });
-        ((gauge.value - 1.0) * per_slope, row)
+    pub(super) fn linearised(&self, points: &[Lanes; 3]) -> Linearised {
+        let mut found = Linearised { residual: [0.0; LANES], rows: [[0.0; LANES]; 11] };
+        let (rotation, centre) = (rows_of(self.part), [0, 1, 2].map(|axis| self.part.centre[axis]));
+        let inverse_axes = [0, 1, 2].map(|axis| self.inverse_axes[axis]);
+        let exponents = self.part.exponents;
+        widest(
+            #[inline(always)]
+            || {
+                for lane in 0..LANES {
+                    let point = [points[0][lane], points[1][lane], points[2][lane]];
+                    let (residual, row) = residual_at(&rotation, &centre, &inverse_axes, exponents, point);
+                    found.residual[lane] = residual;
+                    for k in 0..11 {
+                        found.rows[k][lane] = row[k];
+                    }
+                }
+            },
+        );
+        found
     }
 
-    /// Whether a point is outside the box around the part, and so outside: cheaper than its residual.
-    pub(super) fn is_beyond(&self, point: &Vector) -> bool {
-        let local = self.local(point);
-        (0..3).any(|axis| local[axis].abs() > self.axes[axis])
+    /// The signed distances of a block of points to first order, in lengths of the patch.
+    pub(super) fn distances(&self, points: &[Lanes; 3]) -> Lanes {
+        let mut found = [0.0; LANES];
+        let (rotation, centre) = (rows_of(self.part), [0, 1, 2].map(|axis| self.part.centre[axis]));
+        let inverse_axes = [0, 1, 2].map(|axis| self.inverse_axes[axis]);
+        let exponents = self.part.exponents;
+        widest(
+            #[inline(always)]
+            || {
+                for lane in 0..LANES {
+                    let point = [points[0][lane], points[1][lane], points[2][lane]];
+                    found[lane] = residual_at(&rotation, &centre, &inverse_axes, exponents, point).0;
+                }
+            },
+        );
+        found
     }
 
-    fn local(&self, point: &Vector) -> Vector {
-        self.part.rotation.inverse_transform_vector(&(point - self.part.centre))
+    /// Whether all points of a block are outside the box around the part, and so outside: cheaper than their
+    /// residuals.
+    pub(super) fn is_beyond(&self, points: &[Lanes; 3]) -> bool {
+        (0..LANES).all(|lane| {
+            let point = Vector::new(points[0][lane], points[1][lane], points[2][lane]);
+            let local = self.part.rotation.inverse_transform_vector(&(point - self.part.centre));
+            (0..3).any(|axis| local[axis].abs() > self.axes[axis])
+        })
     }
+}
+
+/// The rows of the rotation from a part's axes.
+fn rows_of(part: &Part) -> [[f64; 3]; 3] {
+    let matrix = part.rotation.matrix();
+    std::array::from_fn(|row| std::array::from_fn(|column| matrix[(row, column)]))
+}
+
+/// The residual of one point with its derivatives, in the order of [`Linearised::rows`].
+#[inline(always)]
+fn residual_at(
+    rotation: &[[f64; 3]; 3],
+    centre: &[f64; 3],
+    inverse_axes: &[f64; 3],
+    exponents: [f64; 2],
+    point: [f64; 3],
+) -> (f64, [f64; 11]) {
+    let [r0, r1, r2] = rotation;
+    let [px, py, pz] = [point[0] - centre[0], point[1] - centre[1], point[2] - centre[2]];
+    let local = [
+        r0[0] * px + r1[0] * py + r2[0] * pz,
+        r0[1] * px + r1[1] * py + r2[1] * pz,
+        r0[2] * px + r1[2] * py + r2[2] * pz,
+    ];
+    let y = [local[0] * inverse_axes[0], local[1] * inverse_axes[1], local[2] * inverse_axes[2]];
+    let [value, by_x, by_y, by_z, by_e1, by_e2] = gauge(y, exponents, exp, ln);
+    let slope = [by_x * inverse_axes[0], by_y * inverse_axes[1], by_z * inverse_axes[2]];
+    let norm = (slope[0] * slope[0] + slope[1] * slope[1] + slope[2] * slope[2]).sqrt();
+    let per_slope = 1.0 / norm.max(1e-12);
+    let row = [
+        -per_slope * (r0[0] * slope[0] + r0[1] * slope[1] + r0[2] * slope[2]),
+        -per_slope * (r1[0] * slope[0] + r1[1] * slope[1] + r1[2] * slope[2]),
+        -per_slope * (r2[0] * slope[0] + r2[1] * slope[1] + r2[2] * slope[2]),
+        -per_slope * by_x * y[0],
+        -per_slope * by_y * y[1],
+        -per_slope * by_z * y[2],
+        per_slope * (slope[1] * local[2] - slope[2] * local[1]),
+        per_slope * (slope[2] * local[0] - slope[0] * local[2]),
+        per_slope * (slope[0] * local[1] - slope[1] * local[0]),
+        per_slope * by_e1,
+        per_slope * by_e2,
+    ];
+    ((value - 1.0) * per_slope, row)
 }

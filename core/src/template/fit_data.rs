@@ -2,6 +2,7 @@
 //! outside or inside.
 
 use super::patch_frame::PatchFrame;
+use super::samples::{Block, Side};
 use crate::evidence::attractor::{Attractor, Sense};
 use crate::evidence::free_space::FreeSpace;
 use crate::geometry::{Point, Vector};
@@ -22,10 +23,8 @@ pub(super) struct FitData {
     pub(super) frame: PatchFrame,
     /// Points of the surface, with the weights of their residuals.
     pub(super) surface: Vec<(Vector, f64)>,
-    /// Points outside the object.
-    pub(super) free: Vec<Vector>,
-    /// Points inside the object.
-    pub(super) occupied: Vec<Vector>,
+    /// The same points, then those outside the object and those inside, in blocks.
+    pub(super) blocks: Vec<Block>,
 }
 
 impl FitData {
@@ -40,13 +39,21 @@ impl FitData {
             };
             (frame.local(&a.point), (weight * (1.0 - a.provenance.doubt)).sqrt())
         };
-        let local = |points: &[Point]| points.iter().map(|point| frame.local(point)).collect();
-        Self {
-            surface: attractors.iter().map(weigh).collect(),
-            free: local(free_space.outside()),
-            occupied: local(free_space.inside()),
-            frame,
-        }
+        let local = |points: &[Point]| points.iter().map(|point| (frame.local(point), 1.0)).collect();
+        let (outside, inside): (Vec<_>, Vec<_>) = (local(free_space.outside()), local(free_space.inside()));
+        Self::of(frame, attractors.iter().map(weigh).collect(), &outside, &inside)
+    }
+
+    /// Points of the surface, outside and inside, with the weights of their residuals.
+    pub(super) fn of(
+        frame: PatchFrame,
+        surface: Vec<(Vector, f64)>,
+        outside: &[(Vector, f64)],
+        inside: &[(Vector, f64)],
+    ) -> Self {
+        let of_surface = Block::of(Side::Surface, &surface);
+        let others = Block::of(Side::Outside, outside).chain(Block::of(Side::Inside, inside));
+        Self { blocks: of_surface.chain(others).collect(), surface, frame }
     }
 
     /// How many touches all points of the surface weigh together.

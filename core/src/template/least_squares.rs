@@ -5,6 +5,8 @@
 
 use nalgebra::{SMatrix, SVector};
 
+use crate::vectorised::widest;
+
 /// The normal equations of a least-squares cost `0.5 * |r|²` at one set of parameters.
 #[derive(Clone, Debug)]
 pub(crate) struct NormalEquations<const N: usize> {
@@ -38,19 +40,45 @@ impl<const N: usize> NormalEquations<N> {
         }
     }
 
-    /// Adds one residual with Huber's loss, [`huber`].
-    pub(crate) fn add_huber(&mut self, residual: f64, row: &SVector<f64, N>, weight: f64, threshold: f64) {
-        let size = residual.abs();
-        if size <= threshold {
-            self.add(weight * residual, &(row * weight));
-            return;
-        }
-        let square = weight * weight;
-        let slope = square * threshold / size;
-        self.cost += square * huber(size, threshold);
-        self.gradient.axpy(slope * residual, row, 1.0);
-        self.hessian.ger(slope, row, row, 1.0);
+    /// Adds the slopes of some residuals, each with its factor: `Jᵀ W r` and `Jᵀ W J`, but not their cost.
+    pub(crate) fn add_weighted<const L: usize>(
+        &mut self,
+        residuals: &[f64; L],
+        rows: &[[f64; L]; N],
+        factors: &[f64; L],
+    ) {
+        widest(
+            #[inline(always)]
+            || {
+                for (first, row) in rows.iter().enumerate() {
+                    let mut weighted = [0.0; L];
+                    for lane in 0..L {
+                        weighted[lane] = row[lane] * factors[lane];
+                    }
+                    self.gradient[first] += product(&weighted, residuals);
+                    for (second, other) in rows.iter().enumerate().skip(first) {
+                        let sum = product(&weighted, other);
+                        self.hessian[(second, first)] += sum;
+                        if second > first {
+                            self.hessian[(first, second)] += sum;
+                        }
+                    }
+                }
+            },
+        );
     }
+}
+
+/// The sum of products, four at a time.
+#[inline(always)]
+fn product<const L: usize>(a: &[f64; L], b: &[f64; L]) -> f64 {
+    let mut sums = [0.0; 4];
+    for four in 0..L / 4 {
+        for lane in 0..4 {
+            sums[lane] += a[4 * four + lane] * b[4 * four + lane];
+        }
+    }
+    (sums[0] + sums[1]) + (sums[2] + sums[3])
 }
 
 /// Huber's loss of a residual: half its square up to `threshold`, linear beyond.

@@ -92,12 +92,12 @@ mod tests {
     #[test]
     fn a_host_feels_what_its_limb_does() {
         let host = part(None);
-        let point = Vector::new(1.9, 0.4, -0.7);
+        let block = [1.9, 0.4, -0.7].map(|x| [x; crate::template::samples::LANES]);
         for (axis, side) in [(0, 1.0), (1, -1.0), (2, -1.0)] {
             let limb = part(Some(Along { axis, side })).held_by(&host);
-            let (_, own) = limb.field().residual(&point);
+            let own = Row::from_fn(|k, _| limb.field().linearised(&block).rows[k][0]);
             let row = limb.row_of_host(&host, &own);
-            let distance = |host: &Part| limb.clone().held_by(host).field().residual(&point).0;
+            let distance = |host: &Part| limb.clone().held_by(host).field().distances(&block)[0];
             for k in [0, 1, 2, 6, 7, 8] {
                 let mut step = Row::zeros();
                 step[k] = 1e-6;

@@ -5,10 +5,12 @@
 //! must not lie inside, whatever was touched: that keeps a template from growing past what is
 //! known, and is the "repulsor" of the paper's future work.
 
-use super::distances::{Distances, HUBER};
+use super::distances::Distances;
+use super::field::Linearised;
 use super::fit_data::FitData;
 use super::least_squares::{Minimum, NormalEquations, minimise};
 use super::part::{Freedom, Part, Row};
+use super::samples::{Block, LANES, Lanes, Side};
 use crate::geometry::Vector;
 
 /// Strength of the prior on size; on position it is half of it.
@@ -55,34 +57,20 @@ impl Part {
     fn linearise(&self, limbs: &[Self], data: &FitData, others: &Distances) -> NormalEquations<11> {
         let limbs: Vec<Self> = limbs.iter().map(|limb| limb.clone().held_by(self)).collect();
         let (own, limb_fields) = (self.field(), limbs.iter().map(Self::field).collect::<Vec<_>>());
-        // A union is as near as its nearest part; where that is another, this one changes nothing.
-        let at = |point: &Vector, other: f64| {
-            let mut nearest = own.residual(point);
-            for limb in &limb_fields {
-                let (residual, row) = limb.residual(point);
-                if residual < nearest.0 {
-                    nearest = (residual, limb.part.row_of_host(self, &row));
-                }
-            }
-            if nearest.0 <= other { nearest } else { (other, Row::zeros()) }
-        };
         let mut equations = NormalEquations::zero();
-        for ((point, weight), other) in data.surface.iter().zip(&others.surface) {
-            let (residual, row) = at(point, *other);
-            equations.add_huber(residual, &row, *weight, HUBER);
-        }
-        for (point, other) in data.free.iter().zip(&others.free) {
-            let is_beyond = own.is_beyond(point) && limb_fields.iter().all(|limb| limb.is_beyond(point));
-            let (residual, row) = if is_beyond { (*other, Row::zeros()) } else { at(point, *other) };
-            if residual < 0.0 {
-                equations.add(residual, &row);
+        for (block, others) in data.blocks.iter().zip(&others.blocks) {
+            let is_beyond = || {
+                own.is_beyond(&block.points) && limb_fields.iter().all(|limb| limb.is_beyond(&block.points))
+            };
+            if block.side == Side::Outside && is_beyond() {
+                equations.cost += block.cost(others).0;
+                continue;
             }
-        }
-        for (point, other) in data.occupied.iter().zip(&others.occupied) {
-            let (residual, row) = at(point, *other);
-            if residual > 0.0 {
-                equations.add(residual, &row);
-            }
+            let mut nearest = own.linearised(&block.points);
+            limb_fields
+                .iter()
+                .for_each(|limb| nearest.or_limb(&limb.linearised(&block.points), limb.part, self));
+            equations.add_nearest(block, &nearest, others);
         }
         self.add_priors(&mut equations, &data.frame.centre);
         equations
@@ -101,5 +89,32 @@ impl Part {
         for k in 0..2 {
             prior(9 + k, EXPONENT_PRIOR, self.exponents[k] - 1.0);
         }
+    }
+}
+
+impl Linearised {
+    /// The same with a limb in the place of its host where it is the nearer.
+    fn or_limb(&mut self, of_limb: &Self, limb: &Part, host: &Part) {
+        let is_nearer: [bool; LANES] =
+            std::array::from_fn(|lane| of_limb.residual[lane] < self.residual[lane]);
+        for lane in (0..LANES).filter(|lane| is_nearer[*lane]) {
+            self.residual[lane] = of_limb.residual[lane];
+            let row = limb.row_of_host(host, &Row::from_fn(|k, _| of_limb.rows[k][lane]));
+            (0..11).for_each(|k| self.rows[k][lane] = row[k]);
+        }
+    }
+}
+
+impl NormalEquations<11> {
+    /// Adds a block of data. A union is as near as its nearest part; where that is one of the others, this one
+    /// changes nothing.
+    pub(super) fn add_nearest(&mut self, block: &Block, own: &Linearised, others: &Lanes) {
+        let residuals = std::array::from_fn(|lane| own.residual[lane].min(others[lane]));
+        let (cost, mut slopes) = block.cost(&residuals);
+        for lane in (0..LANES).filter(|lane| own.residual[*lane] > others[*lane]) {
+            slopes[lane] = 0.0;
+        }
+        self.cost += cost;
+        self.add_weighted(&residuals, &own.rows, &slopes);
     }
 }

@@ -11,17 +11,18 @@ use super::compound::Compound;
 use super::covariance::Covariance;
 use super::distances::Distances;
 use super::ellipsoid::{self, Ellipsoid};
-use super::field::Field;
+use super::field::{Field, Linearised};
 use super::fit_data::FitData;
-use super::part::Part;
+use super::part::{Part, Row};
 use super::patch_frame::PatchFrame;
+use super::samples::{LANES, Lanes};
 use super::starts;
 use super::superquadric::Superquadric;
 use super::union::{Effort, Union};
 use crate::config::Stages;
 use crate::evidence::FitEvidence;
 use crate::fingerprint::Fingerprint;
-use crate::geometry::{Point, Vector};
+use crate::geometry::Point;
 use crate::schedule::Extras;
 
 /// More parts cannot be told apart by 50 touches.
@@ -88,13 +89,25 @@ impl SelectedFit {
         let TemplateStart { frame, parts, .. } = &self.start;
         let fields: Vec<(Field<'_>, &Covariance)> =
             parts.iter().map(Part::field).zip(&self.covariances).collect();
-        let variance = |local: &Vector| {
-            let of_parts = fields.iter().map(|(field, covariance)| (field.residual(local), covariance));
-            let nearest = of_parts.min_by(|((a, _), _), ((b, _), _)| a.total_cmp(b));
-            nearest.map_or(0.0, |((_, row), covariance)| row.dot(&(*covariance * row)))
+        let deviations = |points: &[Point]| {
+            let at = |axis: usize, lane: usize| frame.local(&points[lane.min(points.len() - 1)])[axis];
+            let block: [Lanes; 3] = std::array::from_fn(|axis| std::array::from_fn(|lane| at(axis, lane)));
+            let of_parts: Vec<Linearised> =
+                fields.iter().map(|(field, _)| field.linearised(&block)).collect();
+            let variance = |lane: usize| {
+                let nearest = of_parts
+                    .iter()
+                    .zip(&fields)
+                    .min_by(|(a, _), (b, _)| a.residual[lane].total_cmp(&b.residual[lane]));
+                nearest.map_or(0.0, |(part, (_, covariance))| {
+                    let row = Row::from_fn(|k, _| part.rows[k][lane]);
+                    row.dot(&(*covariance * row))
+                })
+            };
+            let deviation = |lane: usize| variance(lane).max(0.0).sqrt() * frame.length_m;
+            (0..points.len()).map(deviation).collect::<Vec<f64>>()
         };
-        let deviation = |point: &Point| variance(&frame.local(point)).max(0.0).sqrt() * frame.length_m;
-        points.iter().map(deviation).collect()
+        points.chunks(LANES).flat_map(deviations).collect()
     }
 }
 
@@ -208,7 +221,7 @@ mod tests {
     use super::*;
     use crate::evidence::attractor::{Attractor, Sense};
     use crate::evidence::free_space::FreeSpace;
-    use crate::geometry::Icosphere;
+    use crate::geometry::{Icosphere, Vector};
 
     #[test]
     fn the_template_is_unsure_of_an_end_that_nothing_has_touched() {

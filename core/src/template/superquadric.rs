@@ -31,39 +31,51 @@ pub struct Superquadric {
     pub exponents: [f64; 2],
 }
 
-/// The gauge at scaled coordinates, with its derivatives.
+/// The gauge at scaled coordinates, with its derivatives by them.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Gauge {
     pub(super) value: f64,
     pub(super) by_y: Vector,
-    pub(super) by_exponents: [f64; 2],
 }
 
 impl Gauge {
-    pub(super) fn at(y: &Vector, [e1, e2]: [f64; 2]) -> Self {
-        let size = y.map(|c| c.abs() + GUARD);
-        let log = size.map(f64::ln);
-        let (first, second) = ((2.0 / e2 * log.x).exp(), (2.0 / e2 * log.y).exp());
-        let ring = (first + second).max(LEAST_SUM);
-        let ring_log = ring.ln();
-        let disc = (e2 / e1 * ring_log).exp();
-        let axial = (2.0 / e1 * log.z).exp();
-        let sum = (disc + axial).max(LEAST_SUM);
-        let sum_log = sum.ln();
-        let value = (0.5 * e1 * sum_log).exp();
-        let slope = Vector::new(disc * first / ring, disc * second / ring, axial).component_div(&size);
-        let ring_by_e2 = -2.0 / (e2 * e2) * (first * log.x + second * log.y);
-        let sum_by_e1 = -(e2 * disc * ring_log + 2.0 * axial * log.z) / (e1 * e1);
-        let sum_by_e2 = disc / e1 * (ring_log + e2 * ring_by_e2 / ring);
-        Self {
-            value,
-            by_y: (value / sum * slope).zip_map(y, f64::copysign),
-            by_exponents: [
-                value * 0.5 * (sum_log + e1 / sum * sum_by_e1),
-                value * 0.5 * e1 / sum * sum_by_e2,
-            ],
-        }
+    pub(super) fn at(y: &Vector, exponents: [f64; 2]) -> Self {
+        let [value, by_x, by_y, by_z, _, _] = gauge([y.x, y.y, y.z], exponents, f64::exp, f64::ln);
+        Self { value, by_y: Vector::new(by_x, by_y, by_z) }
     }
+}
+
+/// The gauge at scaled coordinates, then its derivatives by them and by the exponents; with the exponential and
+/// the logarithm that suit the caller.
+#[inline(always)]
+pub(super) fn gauge(
+    y: [f64; 3],
+    [e1, e2]: [f64; 2],
+    exp: impl Fn(f64) -> f64,
+    ln: impl Fn(f64) -> f64,
+) -> [f64; 6] {
+    let size = [y[0].abs() + GUARD, y[1].abs() + GUARD, y[2].abs() + GUARD];
+    let log = [ln(size[0]), ln(size[1]), ln(size[2])];
+    let (first, second) = (exp(2.0 / e2 * log[0]), exp(2.0 / e2 * log[1]));
+    let ring = (first + second).max(LEAST_SUM);
+    let ring_log = ln(ring);
+    let disc = exp(e2 / e1 * ring_log);
+    let axial = exp(2.0 / e1 * log[2]);
+    let sum = (disc + axial).max(LEAST_SUM);
+    let sum_log = ln(sum);
+    let value = exp(0.5 * e1 * sum_log);
+    let (per_ring, per_sum) = (disc / ring, value / sum);
+    let ring_by_e2 = -2.0 / (e2 * e2) * (first * log[0] + second * log[1]);
+    let sum_by_e1 = -(e2 * disc * ring_log + 2.0 * axial * log[2]) / (e1 * e1);
+    let sum_by_e2 = (disc * ring_log + e2 * ring_by_e2 * per_ring) / e1;
+    [
+        value,
+        (per_sum * per_ring * first / size[0]).copysign(y[0]),
+        (per_sum * per_ring * second / size[1]).copysign(y[1]),
+        (per_sum * axial / size[2]).copysign(y[2]),
+        0.5 * (value * sum_log + e1 * per_sum * sum_by_e1),
+        0.5 * e1 * per_sum * sum_by_e2,
+    ]
 }
 
 impl Superquadric {
@@ -211,20 +223,19 @@ mod tests {
 
     #[test]
     fn derivatives_of_the_gauge_are_those_of_differences() {
-        let (y, e) = (Vector::new(0.7, -0.5, 0.9), [0.4, 0.8]);
-        let gauge = Gauge::at(&y, e);
+        let (y, e) = ([0.7, -0.5, 0.9], [0.4, 0.8]);
+        let at = |y: [f64; 3], e: [f64; 2]| gauge(y, e, f64::exp, f64::ln);
+        let here = at(y, e);
         let step = 1e-6;
-        for k in 0..3 {
-            let mut other = y;
-            other[k] += step;
-            let difference = (Gauge::at(&other, e).value - gauge.value) / step;
-            assert!((difference - gauge.by_y[k]).abs() < 1e-5);
-        }
-        for k in 0..2 {
-            let mut other = e;
-            other[k] += step;
-            let difference = (Gauge::at(&y, other).value - gauge.value) / step;
-            assert!((difference - gauge.by_exponents[k]).abs() < 1e-5);
+        for k in 0..5 {
+            let (mut other, mut exponents) = (y, e);
+            if k < 3 {
+                other[k] += step;
+            } else {
+                exponents[k - 3] += step;
+            }
+            let difference = (at(other, exponents)[0] - here[0]) / step;
+            assert!((difference - here[1 + k]).abs() < 1e-5);
         }
     }
 }

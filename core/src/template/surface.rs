@@ -1,6 +1,6 @@
-//! The template as a surface: its mesh, its normals, and an index of closest points.
+//! The template as a surface: its mesh, its normals, and a tree for closest points.
 
-use crate::geometry::{Direction, Point, SurfaceIndex, SurfacePoint, TriangleMesh};
+use crate::geometry::{Direction, FaceTree, Point, SurfacePoint, TriangleMesh};
 
 /// A measured point seen from the template: `x = p + d n`, Eq. (2).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,7 +16,7 @@ pub struct Projection {
 pub struct TemplateSurface {
     mesh: TriangleMesh,
     normals: Vec<Direction>,
-    index: SurfaceIndex,
+    tree: FaceTree,
 }
 
 impl TemplateSurface {
@@ -25,8 +25,8 @@ impl TemplateSurface {
     /// # Panics
     /// If the mesh has no face.
     pub fn new(mesh: TriangleMesh) -> Self {
-        let index = SurfaceIndex::new(&mesh).expect("a template's mesh has faces");
-        Self { normals: mesh.vertex_normals(), index, mesh }
+        let tree = FaceTree::new(&mesh).expect("a template's mesh has faces");
+        Self { normals: mesh.vertex_normals(), tree, mesh }
     }
 
     /// The mesh, in metres.
@@ -41,7 +41,7 @@ impl TemplateSurface {
 
     /// A measured point seen from the template, Eq. (2).
     pub fn project(&self, point: &Point) -> Projection {
-        let closest = self.index.closest(point);
+        let closest = self.tree.closest(&self.mesh, point);
         let normal = self.mesh.face_normal(closest.face);
         let height_m = (point - closest.point).dot(&normal); // Eq. (2)
         Projection { foot: SurfacePoint::new(&closest.point, &normal), height_m }

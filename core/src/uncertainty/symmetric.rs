@@ -1,9 +1,9 @@
 //! Confidence passed on to symmetric points: where a revolution is found, what it makes like a known
 //! point is touched last, so that the budget goes to where something new can be.
 
-use super::{Reach, nearest_vertex};
+use super::Reach;
 use crate::evidence::attractor::Attractor;
-use crate::geometry::{SurfacePoint, TriangleMesh};
+use crate::geometry::{Cloud, SurfacePoint, TriangleMesh};
 use crate::symmetry::{Symmetry, SymmetryFrame};
 
 /// Confidence passed on to symmetric points, as a share.
@@ -24,10 +24,11 @@ pub(crate) fn lowered_by_symmetry(
     let displaced = mesh.vertices.iter().zip(mesh.vertex_normals());
     let representatives: Vec<SurfacePoint> =
         displaced.map(|(p, n)| frame.representative(&SurfacePoint::new(p, &n))).collect();
+    let cloud = Cloud::new(&mesh.vertices);
     let known: Vec<(&SurfacePoint, f64)> = attractors
         .iter()
         .filter_map(|a| {
-            let nearest = nearest_vertex(&mesh.vertices, &a.point)?;
+            let nearest = cloud.nearest(&a.point)?;
             Some((&representatives[nearest as usize], a.uncertainty))
         })
         .collect();
@@ -50,7 +51,7 @@ mod tests {
     use super::*;
     use crate::evidence::attractor::Sense;
     use crate::geometry::{Icosphere, Point};
-    use crate::uncertainty::propagate;
+    use crate::uncertainty::{nearest_vertex, propagate};
 
     #[test]
     fn symmetry_lowers_uncertainty_by_half_at_most() {
