@@ -6,13 +6,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// From the ground up: a room may use those above it in this list, and nothing below.
-const FLOORS: [&str; 19] = [
+const FLOORS: [&str; 20] = [
     "error",
     "warning",
     "vectorised",
     "geometry",
     "mesh_file",
     "fingerprint",
+    "arithmetic",
     "metrics",
     "schedule",
     "method",
