@@ -115,6 +115,8 @@ pub(crate) fn condition(
         Observation { height_m, rigid, ..observation }
     };
     let mut observations: Vec<Observation> = evidence.measured.iter().map(observed).collect();
+    let others = evidence.others.iter().map(|(kept, other)| (*kept, observed(other)));
+    take_together(&mut observations, others);
     let problem = |attractors| hyperparameters::Problem {
         attractors,
         length_m: hyperparameters::correlation_length_m(surface.mesh().area()),
@@ -123,12 +125,13 @@ pub(crate) fn condition(
         declared: config.symmetry,
         stages: &config.stages,
     };
+    let first = problem(&evidence.measured).first(&mut observations);
     let attractors = if config.stages.doubts {
-        doubts::found(&problem(&evidence.measured), &mut observations)
+        doubts::found(&problem(&evidence.measured), &first, &mut observations)
     } else {
         evidence.measured.clone()
     };
-    let (process, hyperparameters) = problem(&attractors).choose(&mut observations, before);
+    let (process, hyperparameters) = problem(&attractors).choose(&first, &mut observations, before);
     let log_likelihood = process.evidence() - hyperparameters.cost();
 
     let free: Vec<Observation> =
@@ -157,6 +160,24 @@ impl Conditioned {
             process: VertexProcess::new(process, vertices, deviations_m),
             hyperparameters,
         }
+    }
+}
+
+/// Replaces observations by their means with others that they stand for, each given with its index among them:
+/// heights over the template are averaged, in which no curvature of the object is lost.
+fn take_together(observations: &mut [Observation], others: impl Iterator<Item = (usize, Observation)>) {
+    let mut counts = vec![1.0_f64; observations.len()];
+    for (kept, other) in others {
+        let Observation { at, height_m, .. } = &mut observations[kept];
+        counts[kept] += 1.0;
+        let share = 1.0 / counts[kept];
+        at.point += (other.at.point - at.point) * share;
+        at.normal += (other.at.normal - at.normal) * share;
+        *height_m += (other.height_m - *height_m) * share;
+    }
+    let together = observations.iter_mut().zip(&counts).filter(|(_, count)| **count > 1.0);
+    for (Observation { at, .. }, _) in together {
+        at.normal = at.normal.try_normalize(0.0).unwrap_or(at.normal);
     }
 }
 

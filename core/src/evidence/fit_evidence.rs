@@ -1,6 +1,7 @@
 //! What METHOD_PALPATE fits: all that was seen, touched and swept, as it is read, thinned.
 
 use super::attractor::{Attractor, Sense};
+use super::crowding::Crowd;
 use super::free_space::FreeSpace;
 use super::ledger::Ledger;
 use super::reading::{DOUBTED, Reading};
@@ -11,13 +12,18 @@ use crate::geometry::Point;
 /// Visual points that are kept: they lie so close together that more of them add no information.
 const VISUAL_POINTS: usize = 100;
 
+/// Samples of what was swept that are kept.
+const FREE_SAMPLES: usize = 600;
+
 /// The evidence as template and local stage read it, in the work frame.
 #[derive(Debug)]
 pub(crate) struct FitEvidence {
     /// Thinned visual points, then all touches.
     pub(crate) attractors: Vec<Attractor>,
-    /// The attractors, and after them the points that measured normals add.
+    /// The attractors, and after them the points that measured normals add; some stand for others, too.
     pub(crate) measured: Vec<Attractor>,
+    /// Those others, each with the index of the one among the measured that stands for it.
+    pub(crate) others: Vec<(usize, Attractor)>,
     /// Where the object is not, and where it is.
     pub(crate) free_space: FreeSpace,
     /// Where the camera stood, in metres.
@@ -45,10 +51,13 @@ impl FitEvidence {
             free_space.add_support(support, &measured);
             measured.extend(reading.stands_at.map(|foot| Attractor::new(foot, 0.0, Sense::Support)));
         }
+        let attractors = measured.iter().copied().filter(is_attractor).collect();
+        let Crowd { kept, others } = Crowd::of(measured);
         Self {
-            attractors: measured.iter().copied().filter(is_attractor).collect(),
-            measured,
-            free_space,
+            attractors,
+            measured: kept,
+            others,
+            free_space: free_space.spread(FREE_SAMPLES),
             viewpoint: reading.viewpoint(ledger),
         }
     }

@@ -208,7 +208,7 @@ impl Scene<'_> {
         // Section III-E: a Gaussian process over it meets what was measured and leaves free what was swept.
         let last = start.map(|start| start.hyperparameters);
         let conditioned = local::condition(&surface, &template.shape, &evidence, last, extras, config);
-        let mut reading = belief::learnt(reading, &conditioned);
+        let mut reading = belief::learnt(reading, &conditioned, &evidence.others);
         reading.stands_at =
             ledger.support.and_then(|plane| surface.mesh().lowest_over(&plane)).map(|(foot, _)| foot);
         Fitted { reading, evidence, template, surface, conditioned }

@@ -238,6 +238,7 @@ mod tests {
         let evidence = FitEvidence {
             attractors: attractors.clone(),
             measured: attractors,
+            others: Vec::new(),
             free_space: FreeSpace::default(),
             viewpoint: Some(camera),
         };
