@@ -25,7 +25,7 @@ const ROBOTS: usize = 4;
 /// Sessions that a robot explores, one after the other.
 const SESSIONS: usize = 3;
 /// Contacts of a session: with all others enough for several checkpoints.
-const CONTACTS: usize = 20;
+const CONTACTS: usize = 40;
 /// Servers, one after the other; each begins with what a loss has left of the one before.
 const SERVERS: usize = 2;
 
