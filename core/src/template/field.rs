@@ -47,8 +47,8 @@ impl Field<'_> {
                     let point = [points[0][lane], points[1][lane], points[2][lane]];
                     let (residual, row) = residual_at(&rotation, &centre, &inverse_axes, exponents, point);
                     found.residual[lane] = residual;
-                    for k in 0..11 {
-                        found.rows[k][lane] = row[k];
+                    for (derivatives, derivative) in found.rows.iter_mut().zip(row) {
+                        derivatives[lane] = derivative;
                     }
                 }
             },

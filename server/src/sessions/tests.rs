@@ -64,7 +64,7 @@ impl Aggregate for Toy {
 
     /// Every other state has a checkpoint of its own only.
     fn shares_checkpoint_with(&self, _before: &Self) -> bool {
-        self.bytes.len() % 2 == 0
+        self.bytes.len().is_multiple_of(2)
     }
 
     fn restored(&self, checkpoint: &[u8]) -> Option<Self> {
