@@ -8,6 +8,7 @@ mod attempt;
 pub mod attractor;
 mod check;
 pub mod clutter;
+mod crowding;
 mod fit_evidence;
 pub mod free_space;
 pub mod ledger;

@@ -127,15 +127,18 @@ fn every_other_stage_changes_the_surface_or_its_uncertainty() {
         Stages { free_space: false, ..all },
         Stages { visual_means: false, ..all },
         Stages { noise: false, ..all },
-        Stages { symmetry: false, ..all },
     ] {
         assert!(surfaces(&log, stages) != with_all, "{stages:?}");
     }
     // The neck has to be known before it is a limb, and the template to be as round as the bottle before a
-    // revolution is thought of.
-    let log = evidence(&bottle(), 40);
+    // revolution is thought of, which after twenty touches is a matter of chance.
+    let log = evidence(&bottle(), 60);
     let with_all = surfaces(&log, all);
-    for stages in [Stages { limbs: false, ..all }, Stages { symmetry_first: false, ..all }] {
+    for stages in [
+        Stages { limbs: false, ..all },
+        Stages { symmetry: false, ..all },
+        Stages { symmetry_first: false, ..all },
+    ] {
         assert!(surfaces(&log, stages) != with_all, "{stages:?}");
     }
     // What five touches of a plate contradict in its template, an offset of the view may explain as well.

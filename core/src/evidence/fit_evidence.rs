@@ -1,6 +1,7 @@
 //! What METHOD_PALPATE fits: all that was seen, touched and swept, as it is read, thinned.
 
 use super::attractor::{Attractor, Sense};
+use super::crowding::Crowd;
 use super::free_space::FreeSpace;
 use super::ledger::Ledger;
 use super::reading::{DOUBTED, Reading};
@@ -11,13 +12,18 @@ use crate::geometry::Point;
 /// Visual points that are kept: they lie so close together that more of them add no information.
 const VISUAL_POINTS: usize = 100;
 
+/// Samples of what was swept that are kept.
+const FREE_SAMPLES: usize = 600;
+
 /// The evidence as template and local stage read it, in the work frame.
 #[derive(Debug)]
 pub(crate) struct FitEvidence {
     /// Thinned visual points, then all touches.
     pub(crate) attractors: Vec<Attractor>,
-    /// The attractors, and after them the points that measured normals add.
+    /// Of the attractors those that a fit judges, and after them the points that measured normals add.
     pub(crate) measured: Vec<Attractor>,
+    /// Further touches, in which the surface has its detail.
+    pub(crate) detail: Vec<Attractor>,
     /// Where the object is not, and where it is.
     pub(crate) free_space: FreeSpace,
     /// Where the camera stood, in metres.
@@ -45,10 +51,13 @@ impl FitEvidence {
             free_space.add_support(support, &measured);
             measured.extend(reading.stands_at.map(|foot| Attractor::new(foot, 0.0, Sense::Support)));
         }
+        let attractors = measured.iter().copied().filter(is_attractor).collect();
+        let Crowd { judged, detail } = Crowd::of(measured);
         Self {
-            attractors: measured.iter().copied().filter(is_attractor).collect(),
-            measured,
-            free_space,
+            attractors,
+            measured: judged,
+            detail,
+            free_space: free_space.spread(FREE_SAMPLES),
             viewpoint: reading.viewpoint(ledger),
         }
     }

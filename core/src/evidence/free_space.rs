@@ -3,6 +3,8 @@
 //! Only what lies in the object's [`Surroundings`] says anything about it, so of a way of any length no
 //! more is kept than of one that leads across them.
 
+use std::collections::HashSet;
+
 use super::attempt::{Contact, Sweep, Target};
 use super::attractor::Attractor;
 use super::surroundings::Surroundings;
@@ -26,6 +28,12 @@ const LINE_SAMPLES: usize = 512;
 /// Nor has a session more points outside than this: many touches and misses more than it may take.
 const MOST_SAMPLES: usize = 1 << 16;
 
+/// The cells of which one point is kept are from this to this long, in metres, each by this factor longer than the
+/// one before.
+const LEAST_CELL_M: f64 = 0.004;
+const LARGEST_CELL_M: f64 = 1.0;
+const CELL_GROWTH: f64 = 1.2;
+
 /// Points known to lie outside the object, and points known to lie inside.
 #[derive(Clone, Debug, Default)]
 pub struct FreeSpace {
@@ -46,6 +54,18 @@ impl FreeSpace {
         let stride = self.outside.len().div_ceil(MOST_SAMPLES);
         if stride > 1 {
             self.outside = self.outside.into_iter().step_by(stride).collect();
+        }
+        self
+    }
+
+    /// The same with at most about `most` points outside, the first in each cell of a grid that is as fine as that
+    /// allows; all of them where they are no more.
+    pub(crate) fn spread(mut self, most: usize) -> Self {
+        let mut edge_m = LEAST_CELL_M;
+        while self.outside.len() > most && edge_m < LARGEST_CELL_M {
+            let mut seen = HashSet::new();
+            self.outside.retain(|point| seen.insert(point.coords.map(|x| (x / edge_m).floor() as i64)));
+            edge_m *= CELL_GROWTH;
         }
         self
     }
@@ -231,6 +251,21 @@ mod tests {
             space.add_miss(&Sweep::new(ends.0, ends.1, 0.009).unwrap());
         }
         assert!((MOST_SAMPLES / 2..=MOST_SAMPLES).contains(&space.thinned().outside().len()));
+    }
+
+    #[test]
+    fn samples_are_spread_where_there_are_too_many_of_them() {
+        let ends = |k: i32| {
+            (Point::new(-0.1, 0.002 * f64::from(k), 0.0), Point::new(0.1, 0.002 * f64::from(k), 0.0))
+        };
+        let mut space = FreeSpace::default();
+        (0..50).for_each(|k| space.add_miss(&Sweep::new(ends(k).0, ends(k).1, 0.0).unwrap()));
+        let all = space.outside().to_vec();
+        assert_eq!(space.clone().spread(all.len()).outside(), all);
+        let spread = space.spread(200);
+        assert!((100..=200).contains(&spread.outside().len()), "{}", spread.outside().len());
+        let nearest = |to: &Point| spread.outside().iter().map(|p| (p - to).norm()).fold(1.0, f64::min);
+        assert!(all.iter().all(|point| nearest(point) < 0.025));
     }
 
     #[test]

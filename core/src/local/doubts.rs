@@ -40,14 +40,18 @@ const SETTLED: f64 = 0.05;
 const LEAST_TOUCHES: usize = 4;
 
 /// The attractors with their doubts, found anew from those that they come with.
-pub(super) fn found(problem: &Problem<'_>, observations: &mut [Observation]) -> Vec<Attractor> {
+pub(super) fn found(
+    problem: &Problem<'_>,
+    first: &Displacement,
+    observations: &mut [Observation],
+) -> Vec<Attractor> {
     let mut attractors = problem.attractors.to_vec();
     if problem.touches() < LEAST_TOUCHES {
         return attractors;
     }
     for _ in 0..ROUNDS {
         let problem = Problem { attractors: &attractors, ..*problem };
-        let process = problem.with_default_noise(observations);
+        let process = problem.with_default_noise(first, observations);
         let doubts = of_attractors(&process, observations, &attractors);
         let mut change = 0.0_f64;
         for (attractor, doubt) in attractors.iter_mut().zip(doubts) {

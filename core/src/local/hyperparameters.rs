@@ -113,34 +113,38 @@ impl Problem<'_> {
         self.attractors.iter().filter(|a| a.sense == Sense::Touch).count()
     }
 
-    /// The process where sensors are as good as expected.
-    pub(crate) fn with_default_noise(&self, observations: &mut [Observation]) -> Displacement {
+    /// The process where sensors are as good as expected and nothing is known of the amplitude.
+    pub(super) fn first(&self, observations: &mut [Observation]) -> Displacement {
         let prior = Prior {
             length_m: self.length_m,
             amplitude_m: self.expected_m(),
             frame: self.frame(Symmetry::None),
         };
         self.set_noise(observations, &Noise::default());
-        let first = Displacement::fit(prior, observations);
+        Displacement::fit(prior, observations)
+    }
+
+    /// The same with other doubts, and with the amplitude that the touches support.
+    pub(super) fn with_default_noise(
+        &self,
+        first: &Displacement,
+        observations: &mut [Observation],
+    ) -> Displacement {
+        self.set_noise(observations, &Noise::default());
+        let first = first.refit(self.expected_m(), observations);
         self.with_amplitude(&first, EXPECTED_COUNT, observations)
     }
 
     /// Conditions the process on the attractors' observations, whose noise is set here.
-    pub(crate) fn choose(
+    pub(super) fn choose(
         &self,
+        first: &Displacement,
         observations: &mut [Observation],
         before: Option<&Hyperparameters>,
     ) -> (Displacement, Hyperparameters) {
         let touches = self.touches();
-        let prior = Prior {
-            length_m: self.length_m,
-            amplitude_m: self.expected_m(),
-            frame: self.frame(Symmetry::None),
-        };
-
         let mut noise = before.map_or_else(Noise::default, |before| before.noise);
         self.set_noise(observations, &noise);
-        let first = Displacement::fit(prior, observations);
         if self.stages.noise && touches >= TOUCHES_FOR_NOISE && self.extras.noise {
             noise = noise.improved(|guess| {
                 let mut guessed = observations.to_vec();

@@ -172,7 +172,7 @@ impl Scene<'_> {
         let Some(first) = since.first() else { return Vec::new() };
         let earlier = ledger.until(*first);
         let known = Scene { ledger: &earlier, start: None, extras: Extras::of_fit(1), ..*self }.fit(reading);
-        let raised = known.conditioned.raise(&known.surface);
+        let raised = known.conditioned.raise(&known.surface, &known.evidence.detail);
         let mesh = known.surface.raised(&raised.heights_m);
         let normals = mesh.vertex_normals();
         let known = motion::Known::new(&mesh.vertices, &normals, &raised.std_m);
@@ -234,7 +234,7 @@ impl Fitted {
         sphere: &'static Icosphere,
     ) -> Estimate {
         let Self { reading, evidence, template, surface, conditioned } = self;
-        let raised = conditioned.raise(&surface);
+        let raised = conditioned.raise(&surface, &evidence.detail);
         let mut mesh = surface.raised(&raised.heights_m);
         if let Some(support) = support {
             mesh = mesh.above(support);

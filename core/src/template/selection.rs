@@ -230,6 +230,7 @@ mod tests {
         let evidence = FitEvidence {
             attractors: attractors.clone(),
             measured: attractors,
+            detail: Vec::new(),
             free_space: FreeSpace::default(),
             viewpoint: Some(camera),
         };

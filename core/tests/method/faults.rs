@@ -129,22 +129,22 @@ fn a_motion_that_is_told_takes_all_earlier_evidence_along() {
     let stages = Stages { offsets: false, ..Stages::default() };
     let settings = || Settings { stages, ..coarse() };
     let mut told = begin(settings());
-    (0..16).for_each(|_| told.touch());
+    (0..15).for_each(|_| told.touch());
     let (attempts, before_m) = (told.state.stats().attempts, told.error_m());
     told.tell(Evidence::Moved(Moved::new(motion, 0.0).unwrap()));
     assert_eq!(told.state.stats().attempts, attempts);
     let found = told.state.findings().motion.unwrap();
-    assert_eq!((found.since, found.is_followed), (17, true));
+    assert_eq!((found.since, found.is_followed), (16, true));
     told.object = told.object.moved(&motion);
     assert!(told.error_m() < 1.2 * before_m, "{before_m} {}", told.error_m());
     // The same evidence, told in the new place from the start.
     let mut there = Reconstruction::new(Config::new(settings()).unwrap());
-    for evidence in &told.log[..17] {
+    for evidence in &told.log[..16] {
         there = there.absorb(&moved_along(evidence, &motion)).unwrap().0;
     }
     assert!(farthest_m(&told.state, &there) < 1e-4);
     (0..10).for_each(|_| told.touch());
-    for evidence in &told.log[18..] {
+    for evidence in &told.log[17..] {
         there = there.absorb(evidence).unwrap().0;
     }
     assert!(farthest_m(&told.state, &there) < 1e-4);
