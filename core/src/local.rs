@@ -67,6 +67,10 @@ pub(crate) struct Conditioned {
     pub(crate) judged: Vec<Attractor>,
     /// The rigid offsets of groups of measurements.
     pub(crate) rigid: Vec<(Group, RigidOffset)>,
+    /// What the process was conditioned on before it was held back.
+    measured: Vec<Observation>,
+    /// What may hold it back.
+    free: Vec<Observation>,
 }
 
 /// The surface that the local stage of METHOD_PALPATE found.
@@ -103,20 +107,7 @@ pub(crate) fn condition(
     extras: Extras,
     config: &Config,
 ) -> Conditioned {
-    let observe = |point: &Point, noise_m| {
-        let projection = surface.project(point);
-        Observation::new(projection.foot, projection.height_m, noise_m)
-    };
-    // The noise is among what is chosen, and a correction among what is estimated.
-    let observed = |attractor: &Attractor| {
-        let observation = observe(&attractor.point, 0.0);
-        let Provenance { correction, rigid, .. } = attractor.provenance;
-        let height_m = observation.height_m - observation.at.normal.dot(&correction);
-        Observation { height_m, rigid, ..observation }
-    };
-    let mut observations: Vec<Observation> = evidence.measured.iter().map(observed).collect();
-    let others = evidence.others.iter().map(|(kept, other)| (*kept, observed(other)));
-    take_together(&mut observations, others);
+    let mut measured: Vec<Observation> = evidence.measured.iter().map(|a| observed(surface, a)).collect();
     let problem = |attractors| hyperparameters::Problem {
         attractors,
         length_m: hyperparameters::correlation_length_m(surface.mesh().area()),
@@ -125,34 +116,53 @@ pub(crate) fn condition(
         declared: config.symmetry,
         stages: &config.stages,
     };
-    let first = problem(&evidence.measured).first(&mut observations);
+    let first = problem(&evidence.measured).first(&mut measured);
     let attractors = if config.stages.doubts {
-        doubts::found(&problem(&evidence.measured), &first, &mut observations)
+        doubts::found(&problem(&evidence.measured), &first, &mut measured)
     } else {
         evidence.measured.clone()
     };
-    let (process, hyperparameters) = problem(&attractors).choose(&first, &mut observations, before);
+    let (process, hyperparameters) = problem(&attractors).choose(&first, &mut measured, before);
     let log_likelihood = process.evidence() - hyperparameters.cost();
 
-    let free: Vec<Observation> =
-        evidence.free_space.outside().iter().map(|point| observe(point, FREE_NOISE_M)).collect();
-    let process = held_back(process, &mut observations, &free);
+    let outside = evidence.free_space.outside().iter();
+    let free: Vec<Observation> = outside.map(|point| observe(surface, point, FREE_NOISE_M)).collect();
+    let (process, observations) = held_back(process, &measured, &free);
     Conditioned {
-        residual_m: process.residual_m(&observations[..evidence.measured.len()]),
+        residual_m: process.residual_m(&observations[..measured.len()]),
         judged: attractors,
         rigid: rigid_offsets(&process, &observations),
         process,
         hyperparameters,
         log_likelihood,
+        measured,
+        free,
     }
 }
 
+fn observe(surface: &TemplateSurface, point: &Point, noise_m: f64) -> Observation {
+    let projection = surface.project(point);
+    Observation::new(projection.foot, projection.height_m, noise_m)
+}
+
+/// What was measured; its noise is among what is chosen, and its correction among what is estimated.
+fn observed(surface: &TemplateSurface, attractor: &Attractor) -> Observation {
+    let observation = observe(surface, &attractor.point, 0.0);
+    let Provenance { correction, rigid, .. } = attractor.provenance;
+    let height_m = observation.height_m - observation.at.normal.dot(&correction);
+    Observation { height_m, rigid, ..observation }
+}
+
 impl Conditioned {
-    /// The template's surface raised by it. Every fit is judged without; only what is kept is raised.
-    pub(crate) fn raise(self, surface: &TemplateSurface) -> Raised {
-        let Self { process, residual_m, hyperparameters, .. } = self;
+    /// The template's surface raised by it, and by further touches where it shall meet those too: they make its
+    /// heights finer, and are left out of its deviations. Every fit is judged without; only what is kept is raised.
+    pub(crate) fn raise(self, surface: &TemplateSurface, detail: &[Attractor]) -> Raised {
         let vertices = surface.vertices();
-        let (heights_m, deviations_m) = process.predict(&vertices);
+        let (mut heights_m, deviations_m) = self.process.predict(&vertices);
+        if !detail.is_empty() {
+            heights_m = self.detailed(surface, detail).means_m(&vertices);
+        }
+        let Self { process, residual_m, hyperparameters, .. } = self;
         Raised {
             heights_m,
             std_m: deviations_m.iter().map(|m| Calibration::FITTED.stated_m(*m)).collect(),
@@ -161,23 +171,16 @@ impl Conditioned {
             hyperparameters,
         }
     }
-}
 
-/// Replaces observations by their means with others that they stand for, each given with its index among them:
-/// heights over the template are averaged, in which no curvature of the object is lost.
-fn take_together(observations: &mut [Observation], others: impl Iterator<Item = (usize, Observation)>) {
-    let mut counts = vec![1.0_f64; observations.len()];
-    for (kept, other) in others {
-        let Observation { at, height_m, .. } = &mut observations[kept];
-        counts[kept] += 1.0;
-        let share = 1.0 / counts[kept];
-        at.point += (other.at.point - at.point) * share;
-        at.normal += (other.at.normal - at.normal) * share;
-        *height_m += (other.height_m - *height_m) * share;
-    }
-    let together = observations.iter_mut().zip(&counts).filter(|(_, count)| **count > 1.0);
-    for (Observation { at, .. }, _) in together {
-        at.normal = at.normal.try_normalize(0.0).unwrap_or(at.normal);
+    /// The process conditioned on further touches as well.
+    fn detailed(&self, surface: &TemplateSurface, detail: &[Attractor]) -> Displacement {
+        let noise = &self.hyperparameters.noise;
+        let further = detail.iter().map(|attractor| {
+            let observation = observed(surface, attractor);
+            Observation { noise_m: hyperparameters::nominal_m(noise, attractor, &observation), ..observation }
+        });
+        let all: Vec<Observation> = self.measured.iter().copied().chain(further).collect();
+        held_back(Displacement::fit(*self.process.prior(), &all), &all, &self.free).0
     }
 }
 
@@ -188,22 +191,24 @@ fn rigid_offsets(process: &Displacement, observations: &[Observation]) -> Vec<(G
     groups.into_values().map(|rigid| (rigid.group, process.rigid_offset(observations, rigid))).collect()
 }
 
-/// The process with the surface pulled back to the free points that it would cover; one that is still
-/// covered afterwards counts twice.
+/// The process with the surface pulled back to the free points that it would cover, and all that it is then
+/// conditioned on; a point that is still covered afterwards counts twice.
 fn held_back(
-    process: Displacement,
-    observations: &mut Vec<Observation>,
+    mut process: Displacement,
+    measured: &[Observation],
     free: &[Observation],
-) -> Displacement {
+) -> (Displacement, Vec<Observation>) {
+    let mut observations = measured.to_vec();
     let places: Vec<SurfacePoint> = free.iter().map(|o| o.at).collect();
-    (0..HOLD_BACKS).fold(process, |process, _| {
+    for _ in 0..HOLD_BACKS {
         let covers = |(o, height_m): &(&Observation, f64)| *height_m > o.height_m + COVERED_M;
         let heights_m = process.means_m(&places);
-        let covered: Vec<Observation> = free.iter().zip(heights_m).filter(covers).map(|(o, _)| *o).collect();
-        if covered.is_empty() {
-            return process;
+        let before = observations.len();
+        observations.extend(free.iter().zip(heights_m).filter(covers).map(|(o, _)| *o));
+        if observations.len() == before {
+            break;
         }
-        observations.extend(covered);
-        Displacement::fit(*process.prior(), observations)
-    })
+        process = Displacement::fit(*process.prior(), &observations);
+    }
+    (process, observations)
 }

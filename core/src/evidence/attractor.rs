@@ -44,8 +44,6 @@ pub struct Provenance {
     pub source: usize,
     /// Which of the points of its view it is; 0 for a touch.
     pub index: usize,
-    /// How many further touches it stands for.
-    pub others: usize,
     /// The probability that it is no point of the surface, in [0, 1].
     pub doubt: f64,
     /// Standard deviation across the approach, in metres: of where on the pad the touch was.

@@ -20,10 +20,10 @@ const FREE_SAMPLES: usize = 600;
 pub(crate) struct FitEvidence {
     /// Thinned visual points, then all touches.
     pub(crate) attractors: Vec<Attractor>,
-    /// The attractors, and after them the points that measured normals add; some stand for others, too.
+    /// Of the attractors those that a fit judges, and after them the points that measured normals add.
     pub(crate) measured: Vec<Attractor>,
-    /// Those others, each with the index of the one among the measured that stands for it.
-    pub(crate) others: Vec<(usize, Attractor)>,
+    /// Further touches, in which the surface has its detail.
+    pub(crate) detail: Vec<Attractor>,
     /// Where the object is not, and where it is.
     pub(crate) free_space: FreeSpace,
     /// Where the camera stood, in metres.
@@ -52,11 +52,11 @@ impl FitEvidence {
             measured.extend(reading.stands_at.map(|foot| Attractor::new(foot, 0.0, Sense::Support)));
         }
         let attractors = measured.iter().copied().filter(is_attractor).collect();
-        let Crowd { kept, others } = Crowd::of(measured);
+        let Crowd { judged, detail } = Crowd::of(measured);
         Self {
             attractors,
-            measured: kept,
-            others,
+            measured: judged,
+            detail,
             free_space: free_space.spread(FREE_SAMPLES),
             viewpoint: reading.viewpoint(ledger),
         }

@@ -276,7 +276,6 @@ impl Reading {
                 provenance: Provenance {
                     source: number,
                     index: 0,
-                    others: 0,
                     doubt: self.doubt(number),
                     lateral_m,
                     approach: now * touch.contact.approach().into_inner(),

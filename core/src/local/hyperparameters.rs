@@ -248,12 +248,10 @@ impl Problem<'_> {
 /// The noise of a measurement that is believed, in metres: that of its sensor, and across the approach that
 /// of the place on the pad, as far as the surface is inclined to it.
 pub(crate) fn nominal_m(noise: &Noise, attractor: &Attractor, observation: &Observation) -> f64 {
-    let Provenance { lateral_m, approach, others, .. } = attractor.provenance;
+    let Provenance { lateral_m, approach, .. } = attractor.provenance;
     let normal = observation.at.normal;
     let inclination = (normal - approach * normal.dot(&approach)).norm();
-    // Touches that were taken together are as good as their mean.
     noise.of_m(attractor.sense, attractor.uncertainty).hypot(lateral_m * inclination)
-        / (1.0 + others as f64).sqrt()
 }
 
 /// Whether an axis that the symmetry is about has turned: about its own axis a bottle may turn.

@@ -8,7 +8,7 @@ use crate::geometry::Point;
 use crate::local::Conditioned;
 
 /// A reading as it is after a fit with it.
-pub(super) fn learnt(reading: &Reading, conditioned: &Conditioned, others: &[(usize, Attractor)]) -> Reading {
+pub(super) fn learnt(reading: &Reading, conditioned: &Conditioned) -> Reading {
     let mut next = reading.clone();
     if reading.doubts_touches {
         next.seen_doubts.clear();
@@ -24,12 +24,6 @@ pub(super) fn learnt(reading: &Reading, conditioned: &Conditioned, others: &[(us
                 }
                 Sense::Vision | Sense::Tangent | Sense::Support => {}
             }
-        }
-        // Touches that were taken together are as doubtful as their mean.
-        for (kept, other) in others {
-            let source = other.provenance.source;
-            next.doubts.resize(next.doubts.len().max(source + 1), 0.0);
-            next.doubts[source] = conditioned.judged[*kept].provenance.doubt;
         }
     }
     next.view_offsets.clear();

@@ -173,7 +173,7 @@ impl Scene<'_> {
         let Some(first) = since.first() else { return Vec::new() };
         let earlier = ledger.until(*first);
         let known = Scene { ledger: &earlier, start: None, extras: Extras::of_fit(1), ..*self }.fit(reading);
-        let raised = known.conditioned.raise(&known.surface);
+        let raised = known.conditioned.raise(&known.surface, &known.evidence.detail);
         let mesh = known.surface.raised(&raised.heights_m);
         let normals = mesh.vertex_normals();
         let known = motion::Known::new(&mesh.vertices, &normals, &raised.std_m);
@@ -208,7 +208,7 @@ impl Scene<'_> {
         // Section III-E: a Gaussian process over it meets what was measured and leaves free what was swept.
         let last = start.map(|start| start.hyperparameters);
         let conditioned = local::condition(&surface, &template.shape, &evidence, last, extras, config);
-        let mut reading = belief::learnt(reading, &conditioned, &evidence.others);
+        let mut reading = belief::learnt(reading, &conditioned);
         reading.stands_at =
             ledger.support.and_then(|plane| surface.mesh().lowest_over(&plane)).map(|(foot, _)| foot);
         Fitted { reading, evidence, template, surface, conditioned }
@@ -235,7 +235,7 @@ impl Fitted {
         sphere: &'static Icosphere,
     ) -> Estimate {
         let Self { reading, evidence, template, surface, conditioned } = self;
-        let raised = conditioned.raise(&surface);
+        let raised = conditioned.raise(&surface, &evidence.detail);
         let mut mesh = surface.raised(&raised.heights_m);
         if let Some(support) = support {
             mesh = mesh.above(support);

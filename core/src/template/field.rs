@@ -127,3 +127,45 @@ fn residual_at(
     ];
     ((value - 1.0) * per_slope, row)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Icosphere, Point};
+    use crate::template::part::Row;
+    use crate::template::patch_frame::PatchFrame;
+    use nalgebra::Rotation3;
+
+    #[test]
+    fn distances_are_those_of_the_shape_and_on_it_their_derivatives_are_those_of_differences() {
+        let part = Part {
+            centre: Vector::new(0.3, -0.2, 0.5),
+            log_axes: Vector::new(-0.2, -0.4, 0.3),
+            rotation: Rotation3::from_euler_angles(0.3, -0.5, 0.9),
+            exponents: [0.3, 0.8],
+            along: None,
+        };
+        let unit = PatchFrame {
+            origin: Point::origin(),
+            length_m: 1.0,
+            visual_points: 1.0,
+            centre: Vector::zeros(),
+        };
+        let shape = part.shape(&unit);
+        for (k, direction) in Icosphere::get(1).directions.iter().enumerate() {
+            // On the surface, inside and outside in turn.
+            let offset = shape.offset_towards(direction) * [1.0, 0.6, 1.5][k % 3];
+            let block = [0, 1, 2].map(|axis| [part.centre[axis] + offset[axis]; LANES]);
+            let found = part.field().linearised(&block);
+            let expected = shape.distance_m(&(shape.centre + offset));
+            assert!((found.residual[k % LANES] - expected).abs() < 1e-12, "{} {expected}", found.residual[0]);
+            assert_eq!(found.residual, part.field().distances(&block));
+            for parameter in (0..11).filter(|_| k % 3 == 0) {
+                let step = Row::from_fn(|row, _| if row == parameter { 1e-7 } else { 0.0 });
+                let moved = part.retract(&step).field().distances(&block)[0];
+                let difference = (moved - found.residual[0]) / 1e-7;
+                assert!((difference - found.rows[parameter][0]).abs() < 1e-4, "{parameter}: {difference}");
+            }
+        }
+    }
+}

@@ -33,7 +33,7 @@ impl FitData {
         let weigh = |a: &Attractor| {
             let weight = match a.sense {
                 Sense::Vision => visual_weight,
-                Sense::Touch => 1.0 + a.provenance.others as f64,
+                Sense::Touch => 1.0,
                 Sense::Tangent => TANGENT_WEIGHT,
                 Sense::Support => SUPPORT_WEIGHT,
             };

@@ -238,7 +238,7 @@ mod tests {
         let evidence = FitEvidence {
             attractors: attractors.clone(),
             measured: attractors,
-            others: Vec::new(),
+            detail: Vec::new(),
             free_space: FreeSpace::default(),
             viewpoint: Some(camera),
         };
