@@ -4,7 +4,7 @@ use std::time::Duration;
 
 /// How much of a new measurement goes into the mean, and into the deviation: those of RFC 6298, by which TCP knows
 /// how long to wait for an answer.
-const INTO_MEAN: f64 = 1.0 / 8.0;
+pub(super) const INTO_MEAN: f64 = 1.0 / 8.0;
 const INTO_DEVIATION: f64 = 1.0 / 4.0;
 
 /// Deviations above the mean that few stay above.

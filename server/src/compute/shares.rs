@@ -1,8 +1,8 @@
 //! Fair turns: sessions take them one after the other, and within a session whoever came first has it.
 //!
-//! A turn is one job, and worth three times what a job takes on average: whoever takes more owes the rest, and lets others
-//! go first until it is made good (deficit round robin). What is owed is counted only beyond that, so that robots
-//! whose jobs take a little more or less keep their order, and wait for one round each.
+//! A turn is one job, and worth three times what a job takes on average: a session whose jobs take more owes the rest,
+//! and lets others go first until it is made good (deficit round robin). Less is not counted, nor is a single job, so
+//! that robots whose jobs take sometimes more and sometimes less keep their order, and wait for one round each.
 
 use std::collections::{HashMap, VecDeque};
 use std::time::Duration;
@@ -10,9 +10,10 @@ use std::time::Duration;
 use tokio::sync::oneshot;
 use tokio::time::Instant;
 
-use super::{Measured, Work};
+use super::Work;
+use super::measured::{INTO_MEAN, Measured};
 
-/// How long it is remembered what a session owes, and that it was told to come back.
+/// How long it is remembered what the jobs of a session take, and that it was told to come back.
 const KEPT: Duration = Duration::from_secs(30);
 
 /// Average jobs in a turn.
@@ -37,7 +38,9 @@ struct Share<C> {
     place: Place,
     waiting: VecDeque<Waiting<C>>,
     running: usize,
-    /// What it took beyond its turns, in seconds.
+    /// What its jobs take on average, in seconds.
+    job_s: f64,
+    /// What they took beyond their turns, in seconds.
     owed_s: f64,
     last_ended: Option<Instant>,
     /// When it was told to come back, having been refused.
@@ -48,9 +51,9 @@ struct Share<C> {
 type Place = (bool, u64);
 
 impl<C> Share<C> {
-    fn new() -> Self {
+    fn new(job_s: f64) -> Self {
         let waiting = VecDeque::new();
-        Self { place: (true, 0), waiting, running: 0, owed_s: 0.0, last_ended: None, invited: None }
+        Self { place: (true, 0), waiting, running: 0, job_s, owed_s: 0.0, last_ended: None, invited: None }
     }
 
     /// Whether it was told to come at about this time.
@@ -61,12 +64,14 @@ impl<C> Share<C> {
     /// Whether anything has to be known of it.
     fn is_needed(&self, now: Instant) -> bool {
         let recently = |at: Option<Instant>| at.is_some_and(|at| now < at + KEPT);
-        let owes = self.owed_s > 0.0 && recently(self.last_ended);
-        !self.waiting.is_empty() || self.running > 0 || owes || recently(self.invited)
+        !self.waiting.is_empty()
+            || self.running > 0
+            || recently(self.last_ended)
+            || recently(self.invited)
     }
 }
 
-/// The sessions that have jobs, owe something, or were told to come back.
+/// The sessions that have jobs, had some just now, or were told to come back.
 #[derive(Debug)]
 pub(super) struct Shares<C> {
     by_session: HashMap<String, Share<C>>,
@@ -117,8 +122,8 @@ impl<C> Shares<C> {
 
     /// Puts a job behind those of its session.
     pub(super) fn enter(&mut self, session_id: &str, job: Waiting<C>, now: Instant) {
-        let place = self.next_place();
-        let share = self.by_session.entry(session_id.to_owned()).or_insert_with(Share::new);
+        let (place, job_s) = (self.next_place(), self.job.mean_s());
+        let share = self.by_session.entry(session_id.to_owned()).or_insert_with(|| Share::new(job_s));
         let is_invited = share.is_invited(now);
         if share.waiting.is_empty() {
             share.place = (!is_invited, place);
@@ -176,7 +181,8 @@ impl<C> Shares<C> {
             // Whoever came while it had a thread is before it.
             share.place = (true, place);
             share.running -= 1;
-            share.owed_s = (share.owed_s + took.as_secs_f64() - turn_s).max(0.0);
+            share.job_s += INTO_MEAN * (took.as_secs_f64() - share.job_s);
+            share.owed_s += (share.job_s - turn_s).max(0.0);
             share.last_ended = Some(now);
         }
     }
@@ -188,7 +194,9 @@ impl<C> Shares<C> {
 
     /// Keeps a place for a session that was refused.
     pub(super) fn invite(&mut self, session_id: &str, at: Instant) {
-        self.by_session.entry(session_id.to_owned()).or_insert_with(Share::new).invited = Some(at);
+        let job_s = self.job.mean_s();
+        let share = self.by_session.entry(session_id.to_owned()).or_insert_with(|| Share::new(job_s));
+        share.invited = Some(at);
     }
 
     /// Where all who wait owe something, nobody is there to go first.
