@@ -9,6 +9,7 @@
 
 mod clutter;
 mod leases;
+mod shown;
 mod views;
 
 use std::collections::BTreeMap;
@@ -28,6 +29,7 @@ use crate::sessions::Aggregate;
 use crate::store::Event;
 
 pub(crate) use leases::{Lease, Leases};
+pub(crate) use shown::{Doubted, Shown};
 pub(crate) use views::AddedView;
 
 /// Half the side of the pad that is assumed where none is declared, in metres.
@@ -380,6 +382,15 @@ impl Snapshot {
         self.evidence.get(evidence).map_or(self.revision, |(seq, _)| *seq)
     }
 
+    /// The touches that contradict what else is known.
+    fn doubted(&self) -> impl Iterator<Item = Doubted> {
+        self.findings.doubted.iter().map(|found| Doubted {
+            seq: self.seq_of(found.at),
+            point: found.point.coords.into(),
+            doubt: found.doubt,
+        })
+    }
+
     /// Whether the session says where no approach may go.
     pub(crate) fn keeps_out(&self) -> bool {
         !self.definition.keep_out.is_empty() || self.definition.config.support.is_some()
@@ -451,6 +462,10 @@ impl Aggregate for Snapshot {
         let start: WarmStart = postcard::from_bytes(checkpoint).ok()?;
         let reconstruction = self.reconstruction.clone().estimated_from(start);
         Some(Self { reconstruction, ..self.clone() }.summed_up())
+    }
+
+    fn shown(&self) -> Option<Vec<u8>> {
+        Shown::of(self)?.packed()
     }
 
     fn quarantined(&self, reason: &str, head: i64) -> Self {

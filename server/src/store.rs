@@ -34,7 +34,7 @@ use crate::limits::Limits;
 
 use change::Change;
 pub(crate) use change::{Damage, Deletion, Import, NewSession, SessionHead};
-pub(crate) use checkpoints::{Checkpoint, Checkpoints};
+pub(crate) use checkpoints::{Checkpoint, Checkpoints, Kept};
 pub(crate) use event::Event;
 pub(crate) use link::{Link, first as first_link};
 pub use open::OpenError;

@@ -67,10 +67,20 @@ async fn surfaces(caller: &Caller, head: i64) -> Vec<v1::Mesh> {
     let mut surfaces = vec![None; head as usize + 1];
     for step in 0..head {
         let revision = 2 + (step * 7) % (head - 1);
-        let mesh = v1::GetMeshRequest { session_id: "ball".into(), revision, ..Default::default() };
+        let formats = [v1::MeshFormat::Raw, v1::MeshFormat::Ply, v1::MeshFormat::Stl, v1::MeshFormat::Glb];
+        let format = formats[revision as usize % formats.len()].into();
+        let mesh = v1::GetMeshRequest { session_id: "ball".into(), revision, format, ..Default::default() };
         surfaces[revision as usize] = Some(caller.mesh(mesh).await.unwrap());
     }
     surfaces.into_iter().flatten().collect()
+}
+
+/// Drops the surfaces that readers are shown: they are computed from the checkpoints.
+async fn drop_shown(database: &Path) {
+    let path = format!("sqlite:{}", checkpoints(database).display());
+    let mut file = SqliteConnection::connect(&path).await.unwrap();
+    assert!(sqlx::query("delete from shown").execute(&mut file).await.unwrap().rows_affected() > 5);
+    file.close().await.unwrap();
 }
 
 /// Puts the checkpoint of one event in the place of others.
@@ -113,6 +123,8 @@ async fn every_revision_is_the_same_with_checkpoints_without_them_and_with_wrong
 
     let server = server.restart().await;
     assert_eq!(surfaces(&server.grpc(), head).await, expected, "with checkpoints");
+    let server = server.restart_after(drop_shown).await;
+    assert_eq!(surfaces(&server.grpc(), head).await, expected, "computed from checkpoints");
     let server = server.restart_after(exchange).await;
     assert_eq!(surfaces(&server.grpc(), head).await, expected, "with those of other events");
     let server = server.restart_after(async |database| overwrite(database)).await;

@@ -31,6 +31,11 @@ impl Icosphere {
         SPHERES[subdivisions].get_or_init(|| Self::subdivide(subdivisions))
     }
 
+    /// How many vertices the sphere with `subdivisions` has.
+    pub fn vertices(subdivisions: usize) -> usize {
+        10 * (1 << (2 * subdivisions)) + 2
+    }
+
     /// Maps every vertex direction to a point and keeps the faces.
     pub fn mesh_of(&self, map: impl FnMut(&Direction) -> Point) -> TriangleMesh {
         TriangleMesh {

@@ -12,7 +12,7 @@ use super::{Api, Call};
 use crate::compute::{Queue, Work};
 use crate::error::Error;
 use crate::mesh_format::{Colormap, FileFormat, RawArrays, Remark, raw, write_file};
-use crate::session::{Definition, Snapshot, hex};
+use crate::session::{Shown, Snapshot, hex};
 use crate::sessions::Aggregate;
 use crate::wire::to_proto;
 
@@ -41,13 +41,25 @@ impl Api {
             let v1::GetMeshRequest { session_id, revision, format, if_none_match, have_topology, colormap } =
                 request;
             let form = form(format, colormap)?;
-            let newest = self.sessions.at_revision(&session_id, 0, Queue::READERS, deadline).await?;
-            let is_newest = revision == 0 || revision == newest.revision;
             let known = if_none_match.trim_matches('"');
-            if is_newest && known == etag(&newest, form) {
-                return Ok(not_modified(newest.revision, known));
-            }
-            let made = self.made_mesh(&newest, revision, form, Queue::READERS, deadline).await?;
+            // An earlier revision needs no state, and a session that is not in memory is not opened for it.
+            let made = match self.sessions.shown_unopened(&session_id, revision).await {
+                Some(kept) => {
+                    self.unpacked((&session_id, revision, form), kept, Queue::READERS, deadline).await?
+                }
+                None => None,
+            };
+            let made = match made {
+                Some(made) => made,
+                None => {
+                    let newest = self.sessions.at_revision(&session_id, 0, Queue::READERS, deadline).await?;
+                    let is_newest = revision == 0 || revision == newest.revision;
+                    if is_newest && known == etag(newest.revision, &newest.state_hash(), form) {
+                        return Ok(not_modified(newest.revision, known));
+                    }
+                    self.made_mesh(&newest, revision, form, Queue::READERS, deadline).await?
+                }
+            };
             if known == made.etag() {
                 return Ok(not_modified(revision, known));
             }
@@ -95,6 +107,11 @@ impl Api {
         deadline: Instant,
     ) -> Result<Arc<MadeMesh>, Error> {
         let (session_id, _) = newest.identity();
+        if let Some(kept) = self.sessions.shown_at(newest, revision).await
+            && let Some(made) = self.unpacked((session_id, revision, form), kept, queue, deadline).await?
+        {
+            return Ok(made);
+        }
         let snapshot = self.sessions.at_revision(session_id, revision, queue, deadline).await?;
         if snapshot.identity() != newest.identity() {
             return Err(Error::SessionNotFound { session_id: session_id.to_owned() });
@@ -102,8 +119,32 @@ impl Api {
         if snapshot.reconstruction.last_estimate().is_none() {
             return Err(Error::NoVisualPrior);
         }
-        let make = move || mesh(&snapshot, form).map(MadeMesh::new);
-        self.sessions.pool.run(queue, Work::Mesh, session_id, deadline, make).await?.map(Arc::new)
+        let make = move || {
+            let shown = Shown::of(&snapshot).ok_or(Error::NoVisualPrior)?;
+            let (session_id, _) = snapshot.identity();
+            let mesh = mesh(&shown, session_id, snapshot.revision, &snapshot.state_hash(), form);
+            Ok(Arc::new(MadeMesh::new(mesh)))
+        };
+        self.sessions.pool.run(queue, Work::Mesh, session_id, deadline, make).await?
+    }
+
+    /// The mesh of what was kept of a state; nothing where that cannot be read.
+    ///
+    /// # Errors
+    /// It could not be made in time.
+    async fn unpacked(
+        &self,
+        (session_id, revision, form): (&str, i64, Form),
+        (state_hash, bytes): (String, Vec<u8>),
+        queue: Queue,
+        deadline: Instant,
+    ) -> Result<Option<Arc<MadeMesh>>, Error> {
+        let id = session_id.to_owned();
+        let make = move || {
+            let shown = Shown::unpacked(&bytes)?;
+            Some(Arc::new(MadeMesh::new(mesh(&shown, &id, revision, &state_hash, form))))
+        };
+        self.sessions.pool.run(queue, Work::Mesh, session_id, deadline, make).await
     }
 }
 
@@ -132,7 +173,7 @@ fn form(format: i32, colormap: i32) -> Result<Form, Error> {
     Ok(form)
 }
 
-fn etag(snapshot: &Snapshot, form: Form) -> String {
+fn etag(revision: i64, state_hash: &str, form: Form) -> String {
     let suffix = match form {
         Form::Raw => "raw",
         Form::File(FileFormat::Ply) => "ply",
@@ -142,28 +183,29 @@ fn etag(snapshot: &Snapshot, form: Form) -> String {
         Form::File(FileFormat::Glb(Colormap::Cividis)) => "glb-cividis",
     };
     // Files note the revision, so equal states of two revisions are still different bytes.
-    format!("{}-{}-{suffix}", snapshot.revision, hex(&snapshot.digest[..ETAG_BYTES]))
+    let digest = state_hash.get(..2 * ETAG_BYTES).unwrap_or(state_hash);
+    format!("{revision}-{digest}-{suffix}")
 }
 
-fn mesh(snapshot: &Snapshot, form: Form) -> Result<v1::Mesh, Error> {
-    let surface = snapshot.reconstruction.surface().ok_or(Error::NoVisualPrior)?;
-    let Definition { session_id, frame_id, .. } = &*snapshot.definition;
-    let remark = Remark { session_id, frame_id, revision: snapshot.revision };
+/// What is shown of a session at a revision, in a form.
+fn mesh(shown: &Shown, session_id: &str, revision: i64, state_hash: &str, form: Form) -> v1::Mesh {
+    let Shown { frame_id, surface, doubted } = shown;
+    let remark = Remark { session_id, frame_id, revision };
     let (content_type, body) = match form {
-        Form::Raw => (String::new(), v1::mesh::Body::Raw(raw_mesh(&surface))),
+        Form::Raw => (String::new(), v1::mesh::Body::Raw(raw_mesh(surface))),
         Form::File(format) => {
-            let file = write_file(format, &surface, &remark);
+            let file = write_file(format, surface, &remark);
             (format.content_type().to_owned(), v1::mesh::Body::File(file.into()))
         }
     };
-    Ok(v1::Mesh {
-        revision: snapshot.revision,
-        etag: etag(snapshot, form),
+    v1::Mesh {
+        revision,
+        etag: etag(revision, state_hash, form),
         content_type,
         not_modified: false,
         body: Some(body),
-        doubted: to_proto::doubted(snapshot),
-    })
+        doubted: to_proto::doubted(doubted),
+    }
 }
 
 fn raw_mesh(surface: &Surface) -> v1::RawMesh {

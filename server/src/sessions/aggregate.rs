@@ -45,6 +45,9 @@ pub(crate) trait Aggregate: Send + Sync + Sized + 'static {
     /// The state that a checkpoint gives back to this one, which defers; nothing where it cannot be read.
     fn restored(&self, checkpoint: &[u8]) -> Option<Self>;
 
+    /// What readers are shown of this state, where there is anything to show.
+    fn shown(&self) -> Option<Vec<u8>>;
+
     /// The same state, the last sound one of a log that is damaged after it and should go on to `head`.
     fn quarantined(&self, reason: &str, head: i64) -> Self;
 }

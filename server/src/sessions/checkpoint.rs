@@ -1,4 +1,4 @@
-//! Checkpoints of a fold: an event's state without the states before it.
+//! Checkpoints of a fold: an event's state without the states before it, and what readers are shown of it.
 //!
 //! ```text
 //! events up to k, entered and not computed --+
@@ -11,14 +11,42 @@
 use super::replay::{Folded, Manner, Task};
 use super::{Aggregate, Sessions};
 use crate::error::Error;
-use crate::store::Checkpoint;
+use crate::store::Kept;
 
 impl<S: Aggregate> Sessions<S> {
-    /// Keeps what gives the state back, where it is not what gives back the one before.
+    /// Keeps what gives the state back, and what readers are shown of it.
     pub(super) fn keep_checkpoint(&self, before: &S, state: &S) {
-        if let Some(checkpoint) = checkpoint_after(Some(before), state) {
-            self.store.checkpoints.keep(state.identity(), checkpoint);
+        self.store.checkpoints.keep(state.identity(), kept_after(Some(before), state));
+    }
+
+    /// What readers are shown of the state at a revision before the newest, with its hash; nothing where that is not
+    /// kept, or is not of the state that the log recorded.
+    pub(crate) async fn shown_at(&self, newest: &S, revision: i64) -> Option<(String, Vec<u8>)> {
+        if !(1..newest.revision()).contains(&revision) {
+            return None;
         }
+        self.shown_after(newest.identity(), revision).await
+    }
+
+    /// The same for a session that is not in memory, which stays so; its log is proved, once.
+    pub(crate) async fn shown_unopened(&self, session_id: &str, revision: i64) -> Option<(String, Vec<u8>)> {
+        if self.loaded(session_id).is_some() {
+            return None;
+        }
+        let row = self.store.session(session_id).await.ok()??;
+        if !(1..=row.head).contains(&revision) || !self.is_proven(&row).await.ok()? {
+            return None;
+        }
+        self.shown_after((session_id, row.created_us), revision).await
+    }
+
+    async fn shown_after(&self, identity: (&str, i64), revision: i64) -> Option<(String, Vec<u8>)> {
+        let event = self.store.events(identity.0, revision - 1, 1).await.ok()?.pop()?;
+        if event.algorithm_version != S::algorithm_version() {
+            return None;
+        }
+        let shown = self.store.checkpoints.shown(identity, revision, &event.state_hash).await?;
+        Some((event.state_hash, shown))
     }
 
     /// A fold that has come as far towards the event `end` as a checkpoint takes it: where it began, if none does.
@@ -55,10 +83,14 @@ impl<S: Aggregate> Sessions<S> {
     }
 }
 
-/// What gives a state back, where it is not what gives back the one before.
-pub(super) fn checkpoint_after<S: Aggregate>(before: Option<&S>, state: &S) -> Option<Checkpoint> {
-    if before.is_some_and(|before| state.shares_checkpoint_with(before)) {
-        return None;
+/// What is kept of a state: what gives it back, where that is not what gives back the one before, and what readers are
+/// shown of it.
+pub(super) fn kept_after<S: Aggregate>(before: Option<&S>, state: &S) -> Kept {
+    let is_new = before.is_none_or(|before| !state.shares_checkpoint_with(before));
+    Kept {
+        seq: state.revision(),
+        state_hash: state.state_hash(),
+        checkpoint: state.checkpoint().filter(|_| is_new),
+        shown: state.shown(),
     }
-    Some(Checkpoint { seq: state.revision(), state_hash: state.state_hash(), bytes: state.checkpoint()? })
 }

@@ -11,7 +11,7 @@ use std::sync::Arc;
 use tokio::time::Instant;
 use uuid::Uuid;
 
-use super::checkpoint::checkpoint_after;
+use super::checkpoint::kept_after;
 use super::live::{Head, Replayed};
 use super::replay::{Folded, Manner, fold_page};
 use super::retraction::Retractions;
@@ -22,7 +22,7 @@ use super::{
 use crate::compute::{Queue, Work};
 use crate::error::Error;
 use crate::session::now_us;
-use crate::store::{Checkpoint, Event, Import, Link, NewSession, SessionHead, StoreError, first_link};
+use crate::store::{Event, Import, Kept, Link, NewSession, SessionHead, StoreError, first_link};
 
 /// Events that are computed anew in one job: whoever comes waits for that long behind a long log.
 const PAGE: i64 = 4;
@@ -97,7 +97,7 @@ impl<S: Aggregate + Clone> Sessions<S> {
         let link = first_link(&session_id);
         let (mut state, mut head, first) = recorded(computed, &request, event, &actor, &link);
         let mut events = vec![first];
-        let mut checkpoints = Vec::new();
+        let mut kept = Vec::new();
         let deadline = Instant::now() + self.limits.recompute_timeout;
         while let Some(page) = self.next_page(&mut original, events.len() as i64).await? {
             for rows in page.chunk_by(|before, row| !self.is_retraction(before) && !self.is_retraction(row)) {
@@ -109,7 +109,7 @@ impl<S: Aggregate + Clone> Sessions<S> {
                 let carried =
                     self.pool.run(Queue::READERS, Work::Fold, &session_id, deadline, compute).await??;
                 events.extend(carried.events);
-                checkpoints.extend(carried.checkpoints);
+                kept.extend(carried.kept);
                 (state, head) = (carried.state, carried.head.unwrap_or(head));
             }
             self.check_size(&events)?;
@@ -122,7 +122,7 @@ impl<S: Aggregate + Clone> Sessions<S> {
             Original::Events(_) => None,
         };
         let session = NewSession { head, experiment, labels, imported_by: None, reference_of };
-        let copied = Copied { session, events, state, checkpoints };
+        let copied = Copied { session, events, state, kept };
         self.write_copy(copied, &wanted, &request, reply).await
     }
 
@@ -139,7 +139,7 @@ impl<S: Aggregate + Clone> Sessions<S> {
         self.check_size(&events)?;
         let retractions = Retractions::among(&events, self.folding.retracts);
         let deadline = Instant::now() + self.limits.recompute_timeout;
-        let (state, checkpoints) = self.fold_all(&session_id, &events, &retractions, deadline).await?;
+        let (state, kept) = self.fold_all(&session_id, &events, &retractions, deadline).await?;
         let Created { event: _, computed, experiment, labels } = describe((*state).clone());
         let (state, mut head, described) =
             recorded(computed, &request, ("", Vec::new()), "", &first_link(&session_id));
@@ -147,7 +147,7 @@ impl<S: Aggregate + Clone> Sessions<S> {
         let RequestKey { id: request_id, digest: request_digest } = request.clone();
         let imported_by = Some(Import { request_id, request_digest, reply: described.reply.clone() });
         let session = NewSession { head, experiment, labels, imported_by, reference_of: None };
-        let copied = Copied { session, events, state, checkpoints };
+        let copied = Copied { session, events, state, kept };
         self.write_copy(copied, &session_id, &request, described.reply).await
     }
 
@@ -159,13 +159,13 @@ impl<S: Aggregate + Clone> Sessions<S> {
         request: &RequestKey,
         reply: Vec<u8>,
     ) -> Result<Reply, Error> {
-        let Copied { session, events, state, checkpoints } = copied;
+        let Copied { session, events, state, kept } = copied;
         let session_id = session.head.session_id.clone();
         let head = Head { link: session.head.link, bytes: events.iter().map(Event::bytes).sum() };
         match self.store.create(session, events).await {
             Ok(()) => {
-                for checkpoint in checkpoints {
-                    self.store.checkpoints.keep(state.identity(), checkpoint);
+                for kept in kept {
+                    self.store.checkpoints.keep(state.identity(), kept);
                 }
                 let replayed = Replayed { state: Arc::new(state), head };
                 self.live.get(&session_id).load(async || Ok(replayed)).await?;
@@ -202,16 +202,16 @@ impl<S: Aggregate + Clone> Sessions<S> {
         Ok((*folded).clone())
     }
 
-    /// The state that all events give together, and each on the way the one that it recorded; with checkpoints of them.
+    /// The state that all events give together, and each on the way the one that it recorded; with what is kept of them.
     async fn fold_all(
         &self,
         session_id: &str,
         events: &[Event],
         retractions: &Retractions,
         deadline: Instant,
-    ) -> Result<(Arc<S>, Vec<Checkpoint>), Error> {
+    ) -> Result<(Arc<S>, Vec<Kept>), Error> {
         let mut folded = Folded { state: None, head: Head::empty(session_id), damage: None };
-        let mut checkpoints = Vec::new();
+        let mut kept = Vec::new();
         for page in events.chunks(PAGE as usize) {
             let (folding, id, page, left_out) =
                 (self.folding, session_id.to_owned(), page.to_vec(), retractions.clone());
@@ -219,14 +219,14 @@ impl<S: Aggregate + Clone> Sessions<S> {
             let (reached, new) =
                 self.pool.run(Queue::READERS, Work::Fold, session_id, deadline, fold).await?;
             folded = reached;
-            checkpoints.extend(new);
+            kept.extend(new);
             if let Some(damage) = &folded.damage {
                 let description = format!("holds a log that cannot be taken over: {}", damage.reason);
                 return Err(Error::field("data", description));
             }
         }
         let state = folded.state.ok_or_else(|| Error::field("data", "holds a log without events"))?;
-        Ok((state, checkpoints))
+        Ok((state, kept))
     }
 
     /// The events after the event `after`; nothing where there are no more.
@@ -255,7 +255,7 @@ struct CarriedAll<S> {
     state: S,
     head: Option<SessionHead>,
     events: Vec<Event>,
-    checkpoints: Vec<Checkpoint>,
+    kept: Vec<Kept>,
 }
 
 /// A copy before it is written.
@@ -263,20 +263,20 @@ struct Copied<S> {
     session: NewSession,
     events: Vec<Event>,
     state: S,
-    checkpoints: Vec<Checkpoint>,
+    kept: Vec<Kept>,
 }
 
 fn carry_all<S: Aggregate>(carry: &Carry<S>, mut state: S, rows: &[Event]) -> Result<CarriedAll<S>, Error> {
     let nobody = RequestKey { id: String::new(), digest: Vec::new() };
-    let (mut head, mut events, mut checkpoints) = (None, Vec::with_capacity(rows.len()), Vec::new());
+    let (mut head, mut events, mut kept) = (None, Vec::with_capacity(rows.len()), Vec::new());
     for row in rows {
         let (event, computed) = carry(&state, row)?;
         let (after, new_head, new) = recorded(computed, &nobody, event, &row.actor, &Link::default());
-        checkpoints.extend(checkpoint_after(Some(&state), &after));
+        kept.push(kept_after(Some(&state), &after));
         (state, head) = (after, Some(new_head));
         events.push(new);
     }
-    Ok(CarriedAll { state, head, events, checkpoints })
+    Ok(CarriedAll { state, head, events, kept })
 }
 
 fn last_link(session_id: &str, events: &[Event]) -> Link {

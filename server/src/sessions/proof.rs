@@ -48,13 +48,15 @@ impl<S: Aggregate> Sessions<S> {
     /// # Errors
     /// The database cannot be read.
     pub(crate) async fn trusted_summary<'a>(&self, row: &'a SessionRow) -> Result<Option<&'a [u8]>, Error> {
-        if row.damage().is_some() {
-            return Ok(None);
-        }
-        if !self.proven.has(row) && self.prove(row).await?.is_err() {
-            return Ok(None);
-        }
-        Ok(row.summary())
+        Ok(if self.is_proven(row).await? { row.summary() } else { None })
+    }
+
+    /// Whether the log is as it was written, which is looked up once.
+    ///
+    /// # Errors
+    /// The database cannot be read.
+    pub(super) async fn is_proven(&self, row: &SessionRow) -> Result<bool, Error> {
+        Ok(row.damage().is_none() && (self.proven.has(row) || self.prove(row).await?.is_ok()))
     }
 
     /// Reads a log to its end and compares it with the session's row: its bytes, or what is wrong.

@@ -4,13 +4,13 @@ use std::sync::Arc;
 
 use tokio::time::Instant;
 
-use super::checkpoint::checkpoint_after;
+use super::checkpoint::kept_after;
 use super::live::{Head, Live, Replayed};
 use super::retraction::Retractions;
 use super::{ATTEMPTS, Aggregate, FoldError, Folding, Sessions, contended};
 use crate::compute::{Queue, Work};
 use crate::error::Error;
-use crate::store::{Checkpoint, Damage, Event, SessionRow, StoreError};
+use crate::store::{Checkpoint, Damage, Event, Kept, SessionRow, StoreError};
 
 /// Events folded in one job: whoever comes waits for that long behind a long log.
 const PAGE: i64 = 4;
@@ -208,9 +208,9 @@ impl<S: Aggregate> Sessions<S> {
             let (folding, id, retractions) = (self.folding, session_id.to_owned(), retractions.clone());
             let manner = manner.clone();
             let fold = move || fold_page(folding, &id, folded, &page, &retractions, &manner);
-            let (reached, checkpoints) = self.pool.run(queue, Work::Fold, session_id, deadline, fold).await?;
-            for checkpoint in checkpoints {
-                self.store.checkpoints.keep((session_id, row.created_us), checkpoint);
+            let (reached, all_kept) = self.pool.run(queue, Work::Fold, session_id, deadline, fold).await?;
+            for kept in all_kept {
+                self.store.checkpoints.keep((session_id, row.created_us), kept);
             }
             folded = reached;
             if folded.damage.is_some() {
@@ -289,7 +289,7 @@ impl<S: Aggregate> Folded<S> {
     }
 }
 
-/// Folds some events; with the checkpoints of the states that were computed.
+/// Folds some events; with what is kept of the states that were computed.
 pub(super) fn fold_page<S: Aggregate>(
     folding: Folding<S>,
     session_id: &str,
@@ -297,15 +297,15 @@ pub(super) fn fold_page<S: Aggregate>(
     page: &[Event],
     retractions: &Retractions,
     manner: &Manner,
-) -> (Folded<S>, Vec<Checkpoint>) {
-    let mut checkpoints = Vec::new();
+) -> (Folded<S>, Vec<Kept>) {
+    let mut kept = Vec::new();
     for row in page {
         let before = folded.state.as_deref();
         match next(folding, before, row, retractions, manner) {
             Ok(next) => {
                 if matches!(manner, Manner::Computing) && retractions.agree_at(row.seq) {
                     let before = before.filter(|before| retractions.agree_at(before.revision()));
-                    checkpoints.extend(checkpoint_after(before, &next));
+                    kept.push(kept_after(before, &next));
                 }
                 folded.head =
                     Head { link: row.link(&folded.head.link), bytes: folded.head.bytes + row.bytes() };
@@ -319,7 +319,7 @@ pub(super) fn fold_page<S: Aggregate>(
             }
         }
     }
-    (folded, checkpoints)
+    (folded, kept)
 }
 
 /// The state after one more event, which must be the one that was recorded, unless states are left out.

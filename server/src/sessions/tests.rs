@@ -62,6 +62,10 @@ impl Aggregate for Toy {
         Some(self.bytes.clone())
     }
 
+    fn shown(&self) -> Option<Vec<u8>> {
+        Some(self.bytes.iter().rev().copied().collect())
+    }
+
     /// Every other state has a checkpoint of its own only.
     fn shares_checkpoint_with(&self, _before: &Self) -> bool {
         self.bytes.len().is_multiple_of(2)
@@ -525,9 +529,9 @@ fn a_fold_goes_on_from_the_latest_checkpoint_and_from_none_that_is_not_of_the_lo
     // One of another log: the right length, and another state.
     let state = runtime.block_on(sessions.newest(&id, soon())).unwrap();
     let wrong = Toy { bytes: vec![0; 9], ..(*state).clone() };
-    let (seq, bytes) = (9, wrong.bytes.clone());
-    let checkpoint = crate::store::Checkpoint { seq, state_hash: wrong.state_hash(), bytes };
-    sessions.store.checkpoints.keep(wrong.identity(), checkpoint);
+    let checkpoint = Some(wrong.bytes.clone());
+    let kept = crate::store::Kept { seq: 9, state_hash: wrong.state_hash(), checkpoint, shown: None };
+    sessions.store.checkpoints.keep(wrong.identity(), kept);
     assert_eq!(jumped(10), (0, None));
     assert_eq!(jumped(10), (0, None), "none of them is believed any more");
     let read = runtime.block_on(sessions.at_revision(&id, 9, Queue::READERS, soon())).unwrap();

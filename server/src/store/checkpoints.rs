@@ -1,4 +1,4 @@
-//! Checkpoints: what folds go on from, in a file beside the log.
+//! Checkpoints: what folds go on from, and what readers are shown of each state, in a file beside the log.
 //!
 //! They are a cache. Each can be computed again from the log, and is compared with what the log recorded when it is
 //! used; the file may be deleted at any time, is emptied when the method's version changes, and is made anew where it
@@ -6,6 +6,7 @@
 
 use std::path::{Path, PathBuf};
 
+use sha2::{Digest, Sha256};
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqliteSynchronous};
 use sqlx::{ConnectOptions, Connection, FromRow, SqliteConnection};
 use tokio::sync::{mpsc, oneshot};
@@ -16,21 +17,30 @@ use super::files;
 /// What the name of the file has after that of the database.
 const ENDING: &str = "-checkpoints";
 /// Jobs that may wait, and that are done in one transaction.
-const QUEUE: usize = 1024;
+const QUEUE: usize = 256;
 const BATCH: usize = 64;
 /// The part of the file that is given up, the oldest first, where it grows beyond its bound.
 const GIVEN_UP: i64 = 8;
 
-const TABLE: &str = "create table if not exists checkpoints (
+const TABLES: [&str; 2] = [
+    "create table if not exists checkpoints (
     id integer primary key, -- the oldest has the least
     session_id text not null,
     created_us integer not null, -- of the session
     seq integer not null, -- the event that the state is after
     algorithm_version text not null,
     state_hash text not null,
-    bytes blob not null,
+    bytes blob, -- null where they are those of the event before
+    shown blob, -- the digest of what readers see, in the other table
     constraint checkpoints_of_an_event unique (session_id, seq)
-) strict";
+) strict",
+    // Equal ones are kept once: many events leave the surface as it was.
+    "create table if not exists shown (
+    id integer primary key, -- the oldest has the least
+    digest blob not null unique, -- SHA-256
+    bytes blob not null
+) strict",
+];
 
 /// Which session, and which one of its id: when it was created, in microseconds since 1970, UTC.
 pub(crate) type Identity<'a> = (&'a str, i64);
@@ -45,6 +55,18 @@ pub(crate) struct Checkpoint {
     pub(crate) bytes: Vec<u8>,
 }
 
+/// What is kept of the state after an event.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Kept {
+    pub(crate) seq: i64,
+    /// Of that state.
+    pub(crate) state_hash: String,
+    /// What gives it back, where that is not what gives back the state before.
+    pub(crate) checkpoint: Option<Vec<u8>>,
+    /// What readers are shown of it.
+    pub(crate) shown: Option<Vec<u8>>,
+}
+
 /// The checkpoints of all sessions of a log.
 #[derive(Debug)]
 pub(crate) struct Checkpoints {
@@ -55,10 +77,33 @@ pub(crate) struct Checkpoints {
 
 #[derive(Debug)]
 enum Job {
-    Keep { session_id: String, created_us: i64, checkpoint: Checkpoint },
-    Seqs { session_id: String, created_us: i64, after: i64, to: i64, found: oneshot::Sender<Vec<i64>> },
-    Get { session_id: String, seq: i64, found: oneshot::Sender<Option<Checkpoint>> },
-    Forget { session_id: String },
+    Keep {
+        session_id: String,
+        created_us: i64,
+        kept: Kept,
+    },
+    Seqs {
+        session_id: String,
+        created_us: i64,
+        after: i64,
+        to: i64,
+        found: oneshot::Sender<Vec<i64>>,
+    },
+    Get {
+        session_id: String,
+        seq: i64,
+        found: oneshot::Sender<Option<Checkpoint>>,
+    },
+    Shown {
+        session_id: String,
+        created_us: i64,
+        seq: i64,
+        state_hash: String,
+        found: oneshot::Sender<Vec<u8>>,
+    },
+    Forget {
+        session_id: String,
+    },
     Close,
 }
 
@@ -77,9 +122,24 @@ impl Checkpoints {
         Self { jobs, closed }
     }
 
-    /// Keeps a checkpoint, unless too much waits to be kept.
-    pub(crate) fn keep(&self, (session_id, created_us): Identity<'_>, checkpoint: Checkpoint) {
-        let _ = self.jobs.try_send(Job::Keep { session_id: session_id.to_owned(), created_us, checkpoint });
+    /// Keeps what there is to be kept of a state, unless too much waits already.
+    pub(crate) fn keep(&self, (session_id, created_us): Identity<'_>, kept: Kept) {
+        if kept.checkpoint.is_some() || kept.shown.is_some() {
+            let _ = self.jobs.try_send(Job::Keep { session_id: session_id.to_owned(), created_us, kept });
+        }
+    }
+
+    /// What readers are shown of the state after an event, where it is that of this hash.
+    pub(crate) async fn shown(
+        &self,
+        (session_id, created_us): Identity<'_>,
+        seq: i64,
+        state_hash: &str,
+    ) -> Option<Vec<u8>> {
+        let (session_id, state_hash) = (session_id.to_owned(), state_hash.to_owned());
+        let (found, shown) = oneshot::channel();
+        self.jobs.send(Job::Shown { session_id, created_us, seq, state_hash, found }).await.ok()?;
+        shown.await.ok()
     }
 
     /// The latest checkpoint after one event, up to another, of those that are `usable`.
@@ -169,9 +229,15 @@ impl CheckpointFile {
             .journal_mode(SqliteJournalMode::Wal)
             .synchronous(SqliteSynchronous::Off);
         let mut connection = options.connect().await?;
-        sqlx::query(TABLE).execute(&mut connection).await?;
+        for table in TABLES {
+            sqlx::query(table).execute(&mut connection).await?;
+        }
         let others = sqlx::query("delete from checkpoints where algorithm_version <> $1");
         others.bind(self.version).execute(&mut connection).await?;
+        // Those of another version, and of sessions that were deleted.
+        let unused =
+            "delete from shown where digest not in (select shown from checkpoints where shown is not null)";
+        sqlx::query(unused).execute(&mut connection).await?;
         Ok(connection)
     }
 
@@ -194,25 +260,32 @@ impl CheckpointFile {
 
     async fn serve_one(&self, connection: &mut SqliteConnection, job: Job) -> Result<(), sqlx::Error> {
         match job {
-            Job::Keep { session_id, created_us, checkpoint: Checkpoint { seq, state_hash, bytes } } => {
+            Job::Keep { session_id, created_us, kept: Kept { seq, state_hash, checkpoint, shown } } => {
+                let digest = shown.as_ref().map(|shown| Sha256::digest(shown).to_vec());
+                if let Some((digest, shown)) = digest.as_ref().zip(shown) {
+                    let query = sqlx::query("insert or ignore into shown (digest, bytes) values ($1, $2)");
+                    query.bind(digest).bind(shown).execute(&mut *connection).await?;
+                }
                 sqlx::query(
                     "insert or replace into checkpoints
-                         (session_id, created_us, seq, algorithm_version, state_hash, bytes)
-                     values ($1, $2, $3, $4, $5, $6)",
+                         (session_id, created_us, seq, algorithm_version, state_hash, bytes, shown)
+                     values ($1, $2, $3, $4, $5, $6, $7)",
                 )
                 .bind(session_id)
                 .bind(created_us)
                 .bind(seq)
                 .bind(self.version)
                 .bind(state_hash)
-                .bind(bytes)
+                .bind(checkpoint)
+                .bind(digest)
                 .execute(connection)
                 .await?;
             }
             Job::Seqs { session_id, created_us, after, to, found } => {
                 let query = sqlx::query_scalar(
                     "select seq from checkpoints
-                     where session_id = $1 and created_us = $2 and seq > $3 and seq <= $4 order by seq desc",
+                     where session_id = $1 and created_us = $2 and seq > $3 and seq <= $4 and bytes is not null
+                     order by seq desc",
                 );
                 let query = query.bind(session_id).bind(created_us).bind(after).bind(to);
                 let _ = found.send(query.fetch_all(connection).await?);
@@ -222,6 +295,20 @@ impl CheckpointFile {
                     "select seq, state_hash, bytes from checkpoints where session_id = $1 and seq = $2",
                 );
                 let _ = found.send(query.bind(session_id).bind(seq).fetch_optional(connection).await?);
+            }
+            Job::Shown { session_id, created_us, seq, state_hash, found } => {
+                let query = sqlx::query_as(
+                    "select shown.digest, shown.bytes from checkpoints join shown on shown.digest = checkpoints.shown
+                     where session_id = $1 and created_us = $2 and seq = $3 and state_hash = $4",
+                );
+                let query = query.bind(session_id).bind(created_us).bind(seq).bind(state_hash);
+                let kept: Option<(Vec<u8>, Vec<u8>)> = query.fetch_optional(connection).await?;
+                // Damaged bytes are none: who asked is told so by the channel's end.
+                if let Some((_, bytes)) =
+                    kept.filter(|(digest, bytes)| Sha256::digest(bytes)[..] == digest[..])
+                {
+                    let _ = found.send(bytes);
+                }
             }
             Job::Forget { session_id } => {
                 let query = sqlx::query("delete from checkpoints where session_id = $1");
@@ -240,6 +327,13 @@ impl CheckpointFile {
         .fetch_one(&mut *connection)
         .await?;
         if u64::try_from(used).unwrap_or(0) > self.most_bytes {
+            // What is shown takes most, and is computed again from a checkpoint.
+            let shown = sqlx::query(
+                "delete from shown where id <= (select min(id) + (max(id) - min(id)) / $1 from shown)",
+            );
+            if shown.bind(GIVEN_UP).execute(&mut *connection).await?.rows_affected() > 0 {
+                return Ok(());
+            }
             sqlx::query(
                 "delete from checkpoints
                  where id <= (select min(id) + (max(id) - min(id)) / $1 from checkpoints)",
@@ -260,6 +354,11 @@ mod tests {
 
     fn checkpoint(seq: i64, size: usize) -> Checkpoint {
         Checkpoint { seq, state_hash: format!("hash of {seq}"), bytes: vec![seq as u8; size] }
+    }
+
+    fn kept(seq: i64, size: usize) -> Kept {
+        let Checkpoint { seq, state_hash, bytes } = checkpoint(seq, size);
+        Kept { seq, state_hash, checkpoint: Some(bytes), shown: None }
     }
 
     struct Folder(tempfile::TempDir);
@@ -292,7 +391,7 @@ mod tests {
     async fn the_latest_usable_one_of_the_right_session_is_found_also_after_a_restart() {
         let folder = Folder::new();
         let checkpoints = folder.open("1");
-        (2..9).for_each(|seq| checkpoints.keep(("ball", 7), checkpoint(seq, 10)));
+        (2..9).for_each(|seq| checkpoints.keep(("ball", 7), kept(seq, 10)));
         checkpoints.close().await;
         let checkpoints = folder.open("1");
         assert_eq!(checkpoints.latest(("ball", 7), 0, 6, |_| true).await, Some(checkpoint(6, 10)));
@@ -308,7 +407,7 @@ mod tests {
     async fn those_of_another_version_are_dropped() {
         let folder = Folder::new();
         let checkpoints = folder.open("1");
-        checkpoints.keep(("ball", 7), checkpoint(2, 10));
+        checkpoints.keep(("ball", 7), kept(2, 10));
         checkpoints.close().await;
         let checkpoints = folder.open("2");
         assert!(seqs(&checkpoints, ("ball", 7)).await.is_empty());
@@ -319,7 +418,7 @@ mod tests {
         let folder = Folder::new();
         std::fs::write(files::beside(&folder.database(), ENDING), vec![0x5a; 9000]).unwrap();
         let checkpoints = folder.open("1");
-        checkpoints.keep(("ball", 7), checkpoint(2, 10));
+        checkpoints.keep(("ball", 7), kept(2, 10));
         assert_eq!(seqs(&checkpoints, ("ball", 7)).await, [2]);
     }
 
@@ -328,7 +427,7 @@ mod tests {
         let folder = Folder::new();
         let checkpoints = folder.open("1");
         for seq in 2..402 {
-            checkpoints.keep(("ball", 7), checkpoint(seq, 10_000));
+            checkpoints.keep(("ball", 7), kept(seq, 10_000));
             // All are given to the file, however slow it is.
             assert!(checkpoints.latest(("ball", 7), seq - 1, seq, |_| true).await.is_some());
         }
@@ -338,5 +437,67 @@ mod tests {
         checkpoints.close().await;
         let bytes = std::fs::metadata(files::beside(&folder.database(), ENDING)).unwrap().len();
         assert!(bytes < 2 * MOST_BYTES, "{bytes}");
+    }
+
+    #[tokio::test]
+    async fn what_is_shown_is_kept_once_and_only_found_as_it_was_and_for_its_state() {
+        let folder = Folder::new();
+        let checkpoints = folder.open("1");
+        for seq in 2..9 {
+            // The surface changes with every other event.
+            let shown = Some(vec![seq as u8 / 2; 5000]);
+            checkpoints.keep(("ball", 7), Kept { checkpoint: None, shown, ..kept(seq, 0) });
+        }
+        for seq in 2..9 {
+            let shown = checkpoints.shown(("ball", 7), seq, &format!("hash of {seq}")).await;
+            assert_eq!(shown, Some(vec![seq as u8 / 2; 5000]), "{seq}");
+        }
+        assert_eq!(checkpoints.shown(("ball", 7), 3, "hash of 4").await, None, "another state");
+        assert_eq!(checkpoints.shown(("ball", 8), 3, "hash of 3").await, None, "created at another time");
+        assert_eq!(checkpoints.shown(("ball", 7), 9, "hash of 9").await, None);
+        assert!(seqs(&checkpoints, ("ball", 7)).await.is_empty(), "nothing to go on from");
+        checkpoints.close().await;
+
+        let path = folder.database().with_file_name("palpate.db-checkpoints");
+        let mut file = SqliteConnectOptions::new().filename(&path).connect().await.unwrap();
+        let count: i64 = sqlx::query_scalar("select count(*) from shown").fetch_one(&mut file).await.unwrap();
+        assert_eq!(count, 4);
+        sqlx::query("update shown set bytes = zeroblob(5000) where id = 1").execute(&mut file).await.unwrap();
+        file.close().await.unwrap();
+        let checkpoints = folder.open("1");
+        assert_eq!(checkpoints.shown(("ball", 7), 2, "hash of 2").await, None, "damaged");
+        assert!(checkpoints.shown(("ball", 7), 4, "hash of 4").await.is_some());
+        checkpoints.close().await;
+        let checkpoints = folder.open("2");
+        assert_eq!(checkpoints.shown(("ball", 7), 4, "hash of 4").await, None, "of another version");
+    }
+
+    #[tokio::test]
+    async fn a_file_with_other_tables_is_made_anew() {
+        let folder = Folder::new();
+        let path = folder.database().with_file_name("palpate.db-checkpoints");
+        let options = SqliteConnectOptions::new().filename(&path).create_if_missing(true);
+        let mut file = options.connect().await.unwrap();
+        let table =
+            "create table checkpoints (id integer primary key, session_id text, algorithm_version text)";
+        sqlx::query(table).execute(&mut file).await.unwrap();
+        file.close().await.unwrap();
+        let checkpoints = folder.open("1");
+        checkpoints.keep(("ball", 7), kept(2, 10));
+        assert_eq!(seqs(&checkpoints, ("ball", 7)).await, [2]);
+    }
+
+    #[tokio::test]
+    async fn what_is_shown_gives_way_before_checkpoints_do() {
+        let folder = Folder::new();
+        let checkpoints = folder.open("1");
+        for seq in 2..102 {
+            let shown = Some(vec![seq as u8; 50_000]);
+            checkpoints.keep(("ball", 7), Kept { shown, ..kept(seq, 100) });
+            assert!(checkpoints.latest(("ball", 7), seq - 1, seq, |_| true).await.is_some());
+        }
+        assert_eq!(seqs(&checkpoints, ("ball", 7)).await.len(), 100);
+        assert!(checkpoints.shown(("ball", 7), 101, "hash of 101").await.is_some());
+        assert_eq!(checkpoints.shown(("ball", 7), 2, "hash of 2").await, None);
     }
 }

@@ -9,7 +9,7 @@ use palpate_core::warning::{Warning, WarningKind};
 use palpate_proto::{Bytes, Duration, Timestamp, v1};
 
 use super::candidate_id::{self, CandidateId};
-use crate::session::{Definition, PlausibleSize, Sensor, SessionState, SetAside, Snapshot};
+use crate::session::{Definition, Doubted, PlausibleSize, Sensor, SessionState, SetAside, Snapshot};
 
 pub(crate) fn vector(vector: &Vector) -> v1::Vector3 {
     v1::Vector3 { x: vector.x, y: vector.y, z: vector.z }
@@ -63,13 +63,13 @@ pub(crate) fn touched_point(touched: TouchedPoint, is_none: bool) -> v1::Touched
 }
 
 /// The touches that contradict what else is known at a revision.
-pub(crate) fn doubted(snapshot: &Snapshot) -> Vec<v1::DoubtedContact> {
-    let doubted = snapshot.findings.doubted.iter().map(|found| v1::DoubtedContact {
-        seq: snapshot.seq_of(found.at),
-        point: Some(point(&found.point)),
-        doubt: found.doubt,
-    });
-    doubted.collect()
+pub(crate) fn doubted(doubted: &[Doubted]) -> Vec<v1::DoubtedContact> {
+    let message = |Doubted { seq, point: at, doubt }: &Doubted| v1::DoubtedContact {
+        seq: *seq,
+        point: Some(point(&Point::from(*at))),
+        doubt: *doubt,
+    };
+    doubted.iter().map(message).collect()
 }
 
 /// Warnings with their kinds and numbers.
