@@ -67,6 +67,7 @@ pub(crate) fn router(api: Api, bodies: Bodies) -> Router {
         .route("/openapi.json", axum::routing::get(document))
         .with_state(api)
         .merge(openapi::documentation_page())
+        .merge(palpate_dashboard::router())
         .fallback(no_such_path)
         .method_not_allowed_fallback(method_not_allowed)
         // Inside of what decompresses, so that it counts what is held and not what was sent.
@@ -121,7 +122,6 @@ fn documented() -> OpenApiRouter<Api> {
         .routes(routes!(operations::livez))
         .routes(routes!(operations::readyz))
         .routes(routes!(operations::version))
-        .routes(routes!(operations::index))
 }
 
 async fn no_such_path(uri: Uri) -> Problem {

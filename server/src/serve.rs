@@ -110,6 +110,7 @@ pub async fn serve(
     let connections = Arc::new(Connections::new(router, door, api.limits()));
     tracing::info!(
         api = %format!("http://{address}"),
+        dashboard = %format!("http://{address}/"),
         docs = %format!("http://{address}/docs"),
         database = %database.display(),
         "palpate listens for gRPC and HTTP"

@@ -89,3 +89,17 @@ async fn the_document_says_where_the_server_is_and_people_can_read_it() {
     let page = send(server.http().get("/docs/")).await.text().await.unwrap();
     assert!(page.contains("<title>Palpate</title>"), "{page}");
 }
+
+#[tokio::test]
+async fn the_dashboard_is_built_for_the_document_that_is_served() {
+    let server = Server::start().await;
+    let served = send(server.http().get("/openapi.json")).await.text().await.unwrap();
+    let served: Value = serde_json::from_str(&served).unwrap();
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../clients/dashboard/openapi.json");
+    let kept: Value = serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
+    assert!(
+        served == kept,
+        "clients/dashboard/openapi.json, from which the page's types are made, is behind: start a server and\n\
+         curl -s http://127.0.0.1:7257/openapi.json | python3 -m json.tool > clients/dashboard/openapi.json"
+    );
+}

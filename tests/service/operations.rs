@@ -69,18 +69,18 @@ async fn every_service_is_healthy() {
 }
 
 #[tokio::test]
-async fn probes_answer_and_the_front_page_leads_to_the_documentation() {
+async fn probes_answer_and_pages_are_served() {
     let server = Server::start().await;
     for (path, text) in [("/healthz", "ok\n"), ("/livez", "ok\n"), ("/readyz", "ready\n")] {
         let response = send(server.http().get(path)).await;
         assert_eq!(response.status(), 200, "{path}");
         assert_eq!(response.text().await.unwrap(), text);
     }
-    for path in ["/", "/docs", "/docs/"] {
+    for (path, text) in [("/", "<title>Palpate</title>"), ("/docs", "swagger-ui"), ("/docs/", "swagger-ui")] {
         let page = send(server.http().get(path)).await;
         assert_eq!(page.status(), 200, "{path}");
         assert!(header(&page, "content-type").starts_with("text/html"));
-        assert!(page.text().await.unwrap().contains("swagger-ui"));
+        assert!(page.text().await.unwrap().contains(text), "{path}");
     }
 }
 

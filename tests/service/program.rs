@@ -85,7 +85,12 @@ async fn the_demo_ends_with_what_to_try_next_and_without_escapes_in_a_pipe() {
     assert!(text.contains("1 touch in ") && text.contains("\n1. Look at palpate-demo.ply"), "{text}");
     assert!(!text.contains('\x1b'), "{text}");
     let count = |address: &str| text.matches(address).count();
-    assert_eq!(count("127.0.0.1:"), count("127.0.0.1:7257"), "the demo's own address is dead: {text}");
+    assert!(text.contains("Watch it while it runs: http://127.0.0.1:"), "{text}");
+    assert_eq!(
+        count("127.0.0.1:"),
+        count("127.0.0.1:7257") + 1,
+        "the demo's own address is dead by now: {text}"
+    );
     let ply = std::fs::read(folder.path().join("palpate-demo.ply")).unwrap();
     assert!(ply.starts_with(b"ply"));
 }

@@ -21,7 +21,7 @@ Examples:
   palpate evaluate --objects can mug
           which method is better, on two objects
 
-While a server runs, http://127.0.0.1:7257/docs documents every call.";
+While a server runs, http://127.0.0.1:7257/ shows its sessions, and /docs documents every call.";
 
 /// Reconstructs the shape of objects from one camera view and a robot's touches.
 #[derive(Debug, Parser)]

@@ -32,7 +32,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE", default_value = "palpate-demo.ply", help_heading = "Output")]
     out: PathBuf,
 
-    /// Go on serving after the last touch, until Ctrl-C, to look around with curl.
+    /// Go on serving after the last touch, until Ctrl-C, to look around in a browser or with curl.
     #[arg(long, help_heading = "Output")]
     keep: bool,
 }
@@ -68,6 +68,7 @@ async fn explore(args: &Args, database: &Path) -> Result<(LocalServer, Explorati
         &format!("Palpate {}: a simulated robot explores, through a server of its own: {name}.", *VERSION),
         0,
     ))?;
+    say(format_args!("Watch it while it runs: {}/", server.url))?;
     let plan = plan(&name, "demo", &args.session, &args.sensors);
     let exploration = drive(client, &body, plan).await?;
     say(format_args!("\n{exploration}"))?;
@@ -87,6 +88,7 @@ fn look_around(url: &str, session_id: &str) -> String {
         format!("curl '{session}/mesh?format=obj' -o estimate.obj"),
     ];
     let mut text = format!("\n{}", styled(BOLD, "Still serving, until Ctrl-C. Look around:"));
+    text.push_str(&format!("\n  {url}/#/session/{session_id} shows it, touch by touch"));
     text.push_str(&format!("\n  {url}/docs documents every call"));
     for command in commands {
         text.push_str(&format!("\n  {}", styled(COMMAND, command)));
