@@ -2,7 +2,13 @@
 # Build: docker build -t palpate .
 # Run:   docker run -p 127.0.0.1:7257:7257 -v palpate:/data palpate
 
+FROM node:20-bookworm-slim AS node
+
 FROM rust:1.95-slim-bookworm AS build
+# For the dashboard, which is built with the rest.
+COPY --from=node /usr/local/bin/node /usr/local/bin/node
+COPY --from=node /usr/local/lib/node_modules /usr/local/lib/node_modules
+RUN ln -s ../lib/node_modules/npm/bin/npm-cli.js /usr/local/bin/npm
 WORKDIR /src
 COPY Cargo.toml Cargo.lock ./
 COPY migrations migrations

@@ -1,6 +1,6 @@
 //! Builds the page with npm, in the folder of cargo's own output, and embeds it.
 //!
-//! Without npm, or with `PALPATE_DASHBOARD=off`, a page that says how to get it is embedded in its place. Where npm is
+//! Without Node, or with `PALPATE_DASHBOARD=off`, a page that says how to get it is embedded in its place. Where npm is
 //! there and fails, so does this.
 
 use std::path::{Path, PathBuf};
@@ -31,9 +31,9 @@ fn main() {
 
     let page = if env::var("PALPATE_DASHBOARD").is_ok_and(|wish| wish == "off") {
         here.join("without-npm")
-    } else if !has_npm() {
+    } else if !has_node() {
         println!(
-            "cargo::warning=there is no npm, so / has no dashboard: install Node 20 or newer and build again"
+            "cargo::warning=without Node 20 or newer and npm, / has no dashboard: install it, build again"
         );
         here.join("without-npm")
     } else {
@@ -42,8 +42,14 @@ fn main() {
     memory_serve::load_directory_with_embed(page, true);
 }
 
-fn has_npm() -> bool {
-    Command::new("npm").arg("--version").output().is_ok_and(|output| output.status.success())
+/// Whether npm is there, and a Node that is new enough for what builds the page.
+fn has_node() -> bool {
+    let major = |program| {
+        let output = Command::new(program).arg("--version").output().ok()?;
+        let text = String::from_utf8(output.stdout).ok().filter(|_| output.status.success())?;
+        text.trim().trim_start_matches('v').split('.').next()?.parse::<u32>().ok()
+    };
+    major("npm").is_some() && major("node").is_some_and(|version| version >= 20)
 }
 
 /// The folder with the page that npm made of copies of the sources.

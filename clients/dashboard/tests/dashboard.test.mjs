@@ -204,6 +204,15 @@ test("a session that is not there, and a server that is not there, are said in w
   await until("it is back", async () => !(await page.getByText("The server does not answer").isVisible()));
 });
 
+test("an experiment is summed up as a table of means and spreads", async () => {
+  await open("#/experiments");
+  await page.locator("main a", { hasText: "explore" }).click();
+  await until("a row", async () => (await page.locator("tbody tr").count()) >= 1);
+  assert.match(await page.locator("table").innerText(), /proactive[\s\S]*\d ± \d/);
+  await page.getByLabel("Group by").selectOption("labels.object");
+  await until("a row for each object", async () => /mug/.test(await page.locator("table").innerText()));
+});
+
 test("a picture of the page, for the README", async () => {
   // A session of its own, so that the picture is the same whichever tests ran before.
   await server.explore("bottle", 25, ["--pad", "flat", "--seed", "1"]);

@@ -45,6 +45,7 @@ export class SessionPage implements Page {
   #hasReference = false;
 
   #head = h("header", { className: "session-head" });
+  #actions = h("div");
   #facts = h("section", { className: "facts", "aria-label": "The session in numbers" });
   #picked = h("section", { className: "picked", "aria-live": "polite" });
   #warnings = h("section");
@@ -88,7 +89,7 @@ export class SessionPage implements Page {
       button("Picture", "Save what is shown as a PNG file", () => void this.#savePicture()),
       this.#layerSwitch(),
     );
-    const actions = h(
+    this.#actions = h(
       "div",
       { className: "actions", role: "toolbar", "aria-label": "Session" },
       button("Add view…", "Send what the camera sees", () => dialogs.addView(id)),
@@ -100,7 +101,7 @@ export class SessionPage implements Page {
     );
     const stage = h("div", { className: "stage" }, this.#viewer.element, this.#legend.element, views, this.#empty);
     const time = h("div", { className: "time" }, this.#playButton, this.#scrubber, this.#where, this.#liveButton);
-    const side = h("aside", {}, this.#facts, this.#picked, this.#warnings, this.#charts.element, this.#shadow, actions);
+    const side = h("aside", {}, this.#facts, this.#picked, this.#warnings, this.#charts.element, this.#shadow);
     this.element.append(this.#head, this.#problem, stage, time, side);
 
     this.#scrubber.addEventListener("input", () => this.#go(Number(this.#scrubber.value)));
@@ -155,6 +156,8 @@ export class SessionPage implements Page {
       h("h1", {}, session?.display_name || this.title),
       h("span", { className: "quiet" }, [session?.experiment, ...Object.entries(session?.labels ?? {}).map(([name, value]) => `${name}: ${value}`)].filter(Boolean).join(" · ")),
       h("span", { className: `badge ${connection}`, role: "status" }, words[connection]),
+      h("span", { className: "grow" }),
+      this.#actions,
     );
   }
 
