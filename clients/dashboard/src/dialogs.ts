@@ -115,6 +115,26 @@ export function createSession(done: (id: string) => void): void {
   });
 }
 
+export function simulate(objects: string[], done: (id: string) => void): void {
+  const fields: Field[] = [
+    { name: "object", label: "Object", type: "select", options: objects.map((name) => [name, name]), value: "bottle" },
+    { name: "seed", label: "Seed", type: "number", value: "1", required: true },
+    { name: "attempts", label: "Attempts", type: "number", value: "50", required: true },
+    { name: "pause_ms", label: "Pause, in ms", type: "number", value: "500", required: true, hint: "before each touch" },
+    { name: "experiment", label: "Experiment", value: "simulation" },
+  ];
+  ask("Simulated robot", "It sees the object from one side and touches where the server proposes, in a session of its own.", fields, "Start", async (values) => {
+    const { session_id: id } = await api.simulate({
+      object: values.get("object"),
+      seed: number(values, "seed"),
+      attempts: number(values, "attempts"),
+      pause_ms: number(values, "pause_ms"),
+      experiment: values.get("experiment"),
+    });
+    done(id);
+  });
+}
+
 export function addView(id: string): void {
   const fields: Field[] = [
     { name: "file", label: "File", type: "file", required: true, accept: ".ply,.pcd,.png,.bin", hint: "PLY or PCD in metres, or a depth image as 16-bit PNG" },

@@ -52,9 +52,10 @@ test("the surface is visible, red where nothing was seen, and a permalink leads 
   const first = await drawn(page);
   assert.notEqual(first.hash, newest.hash, "another revision looks otherwise");
   assert.ok(first.red - first.green > newest.red - newest.green, `${JSON.stringify(first)} is redder than ${JSON.stringify(newest)}`);
+  await until("the first camera is in the address", () => page.url().includes("camera="));
   const stood = page.url();
   await page.getByRole("button", { name: "Top" }).click();
-  await until("the camera is in the address", () => page.url().includes("camera=") && page.url() !== stood);
+  await until("the camera is in the address", () => page.url() !== stood);
   const link = page.url();
   const before = await until("it stands still", async () => {
     const [one, two] = [await drawn(page), await drawn(page)];
@@ -202,6 +203,30 @@ test("a session that is not there, and a server that is not there, are said in w
   assert.ok((await page.locator("tbody tr").count()) >= 1, "what was known stays");
   await server.run();
   await until("it is back", async () => !(await page.getByText("The server does not answer").isVisible()));
+});
+
+test("a simulated robot is started from the page, with its truth as a ghost and the error as a chart", async () => {
+  await open("");
+  await page.getByRole("button", { name: "Simulated robot" }).click();
+  const dialog = page.locator("dialog");
+  await dialog.getByLabel("Attempts").fill("5000");
+  await dialog.getByRole("button", { name: "Start" }).click();
+  await until("the refusal names the field", async () => /attempts/.test(await dialog.locator(".error").innerText()));
+  await dialog.getByLabel("Attempts").fill("6");
+  await dialog.getByLabel("Pause").fill("100");
+  await dialog.getByRole("button", { name: "Start" }).click();
+  await until("its last touch", async () => (await shown()) === 8);
+  await until("the error", async () => /error, mm/.test(await page.locator(".charts").innerText()));
+
+  // No more than the server allows, and a place is free again when one is stopped.
+  await until("its robot is done", async () => !(await server.ask("/v1/simulations")).running.length);
+  const slow = { object: "can", pause_ms: 60_000 };
+  const two = [await server.ask("/v1/simulations", slow), await server.ask("/v1/simulations", slow)];
+  await assert.rejects(server.ask("/v1/simulations", slow), /429.*TOO_MANY_SIMULATIONS/);
+  for (const { session_id } of two) {
+    assert.equal((await fetch(`${server.url}/v1/simulations/${session_id}`, { method: "DELETE" })).status, 204);
+  }
+  await until("both have stopped", async () => !(await server.ask("/v1/simulations")).running.length);
 });
 
 test("an experiment is summed up as a table of means and spreads", async () => {

@@ -63,7 +63,7 @@ export class Server {
   }
 
   async run() {
-    const options = ["serve", "--listen", `127.0.0.1:${this.port}`, "--database", join(this.folder, "palpate.db")];
+    const options = ["serve", "--listen", `127.0.0.1:${this.port}`, "--database", join(this.folder, "palpate.db"), "--simulated-robots", "2"];
     this.process = spawn(program, options, { stdio: "ignore" });
     await until("the server", async () => (await fetch(`${this.url}/readyz`)).ok);
   }

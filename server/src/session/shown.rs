@@ -135,7 +135,7 @@ mod tests {
         assert_eq!(Shown::unpacked(&small.packed().unwrap()).as_ref(), Some(&small));
 
         let sphere = Icosphere::get(4);
-        let mesh = sphere.mesh_of(|direction| Point::from(direction.into_inner().map(|x| x.round())));
+        let mesh = sphere.mesh_of(|direction| Point::from(direction.into_inner().map(f64::round)));
         let uncertainty = vec![0.5; mesh.vertices.len()];
         let ball = shown(Surface { mesh, uncertainty, std_m: None });
         let packed = ball.packed().unwrap();

@@ -177,6 +177,24 @@ export const report = (id: string, result: object) =>
   post<{ warnings?: string[] }>(at(id, "/contacts"), { result });
 export const remove = (id: string) => ask(at(id), { method: "DELETE" });
 
+/** What robots there are to simulate; nothing where the server allows none. */
+export interface Simulations {
+  objects: string[];
+  most_at_once: number;
+  running: { session_id: string; object: string; attempts: number; attempts_made: number }[];
+}
+
+export async function simulations(signal?: AbortSignal): Promise<Simulations | undefined> {
+  try {
+    return await json<Simulations>("/v1/simulations", { signal });
+  } catch (error) {
+    if (error instanceof Refused && error.status === 404) return undefined;
+    throw error;
+  }
+}
+
+export const simulate = (request: object) => post<{ session_id: string }>("/v1/simulations", request);
+
 /** Addresses of files, for links. */
 export const files = (id: string, revision: number): [string, string][] => [
   ["PLY", at(id, `/mesh?format=ply&revision=${revision}`)],

@@ -27,16 +27,23 @@ export class SessionsPage implements Page {
   #filter = h("input", { type: "search", placeholder: "Filter by id, name, experiment, label or state", "aria-label": "Filter", oninput: () => this.#show() });
   #compare = h("button", { type: "button", disabled: true, onclick: () => (location.hash = linkTo({ page: "compare", ids: [...this.#chosen] })) }, "Compare");
 
+  #objects: string[] = [];
+  #robot = h("button", { type: "button", hidden: true, onclick: () => dialogs.simulate(this.#objects, (id) => (location.hash = linkTo({ page: "session", ids: [id] }))) }, "Simulated robot…");
+
   constructor(experiment?: string) {
     if (experiment) this.#filter.value = experiment;
     const columns = ["", "Session", "Experiment", "State", "Attempts", "Failures", "Uncertainty", "Deviation", "Last event"];
     this.element.append(
-      h("header", { className: "row" }, h("h1", {}, "Sessions"), this.#count, h("span", { className: "grow" }), this.#compare, h("button", { type: "button", className: "primary", onclick: () => dialogs.createSession((id) => (location.hash = linkTo({ page: "session", ids: [id] }))) }, "New session…")),
+      h("header", { className: "row" }, h("h1", {}, "Sessions"), this.#count, h("span", { className: "grow" }), this.#compare, this.#robot, h("button", { type: "button", className: "primary", onclick: () => dialogs.createSession((id) => (location.hash = linkTo({ page: "session", ids: [id] }))) }, "New session…")),
       this.#filter,
       this.#problem,
       h("div", { className: "scroll" }, h("table", {}, h("thead", {}, h("tr", {}, ...columns.map((name) => h("th", { scope: "col" }, name)))), this.#body)),
     );
     void this.#refresh();
+    void api.simulations(this.#abort.signal).then((found) => {
+      this.#objects = found?.objects ?? [];
+      this.#robot.hidden = !found;
+    }, () => undefined);
   }
 
   close(): void {
