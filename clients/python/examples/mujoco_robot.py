@@ -35,7 +35,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
-import mujoco
+import mujoco  # type: ignore[import-untyped]
 import numpy as np
 import numpy.typing as npt
 import trimesh
@@ -102,7 +102,8 @@ class Touch:
     def centre_of_pressure(self) -> Array:
         """The touched point by the wrench, (3,) in metres, in the session's frame."""
         on_pad = np.array([-self.wrench[4], self.wrench[3], 0.0]) / self.wrench[2]
-        return self.position + rotation(self.quaternion) @ on_pad
+        point: Array = self.position + rotation(self.quaternion) @ on_pad
+        return point
 
 
 class MujocoRobot:
@@ -189,8 +190,9 @@ class MujocoRobot:
         units = np.zeros(size * size, "<u2")
         units[seen] = np.clip(np.rint(noisy / 1e-4), 0, 65535)
         # The hand-eye error is in the pose of the camera as the robot believes it.
-        turn = np.radians(self.sensors.hand_eye_deg) * self._direction()
-        believed = trimesh.transformations.rotation_matrix(np.linalg.norm(turn), self._direction())[:3, :3] @ axes
+        turn = np.zeros(4)
+        mujoco.mju_axisAngle2Quat(turn, self._direction(), np.radians(self.sensors.hand_eye_deg))
+        believed = rotation(turn[[1, 2, 3, 0]]) @ axes
         pose = pose_json(position + self.sensors.hand_eye_m * self._direction(), xyzw(believed))
         camera = {"width": size, "height": size, "fx": focal, "fy": focal, "cx": centre, "cy": centre}
         return {
@@ -399,10 +401,12 @@ def explore(server: Server, robot: MujocoRobot, attempts: int, share: float) -> 
         turn = vector(candidate["tool_pose"]["orientation"], "xyzw")
         touch = robot.touch(vector(candidate["probe_start"]), vector(candidate["probe_end"]), turn)
         reply = server.call(f"{session}/contacts", {"result": result(candidate, touch), "propose": 1})
-    truth = base64.b64encode(robot.mesh.export(file_type="ply")).decode()
+    file = robot.mesh.export(file_type="ply")
+    assert isinstance(file, bytes)
+    truth = base64.b64encode(file).decode()
     figures: dict[str, float] = server.call(f"{session}/evaluate", {"reference_mesh": truth})["evaluations"][0]
     mesh = server.call(f"{session}/mesh?format=json")
-    offsets = trimesh.proximity.closest_point(robot.mesh, np.array(mesh["vertices"]))[1]
+    offsets = trimesh.proximity.closest_point(robot.mesh, np.array(mesh["vertices"]))[1]  # type: ignore[no-untyped-call]
     figures["correlation"] = float(np.corrcoef(np.array(mesh["uncertainty"]), offsets)[0, 1])
     return figures
 
@@ -443,9 +447,11 @@ def table(runs: dict[str, list[dict[str, float]]], attempts: int) -> str:
 def generated(name: str) -> trimesh.Trimesh:
     """The objects that need no file: a box, and a bottle with a neck."""
     if name == "box":
-        return trimesh.creation.box((0.06, 0.09, 0.13))
+        box: trimesh.Trimesh = trimesh.creation.box((0.06, 0.09, 0.13))
+        return box
     shoulder = [(0.032, -0.09), (0.032, 0.03), (0.028, 0.045), (0.018, 0.058), (0.013, 0.066), (0.013, 0.09)]
-    return trimesh.creation.revolve([(0.0, -0.09), *shoulder, (0.0, 0.09)], sections=96)
+    bottle: trimesh.Trimesh = trimesh.creation.revolve([(0.0, -0.09), *shoulder, (0.0, 0.09)], sections=96)
+    return bottle
 
 
 def load(name: str) -> trimesh.Trimesh:
