@@ -2,7 +2,12 @@
 # Build: docker build -t palpate .
 # Run:   docker run -p 127.0.0.1:7257:7257 -v palpate:/data palpate
 
+# Node.js 20, which builds the page.
+FROM node:20-bookworm-slim AS node
+
 FROM rust:1.95-slim-bookworm AS build
+COPY --from=node /usr/local /opt/node
+ENV PATH=/opt/node/bin:$PATH
 WORKDIR /src
 COPY Cargo.toml Cargo.lock ./
 COPY migrations migrations

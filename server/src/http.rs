@@ -56,7 +56,7 @@ use problem::Problem;
 const LEAST_COMPRESSED_BYTES: u64 = 1024;
 
 /// All routes with their layers.
-pub(crate) fn router(api: Api, bodies: Bodies) -> Router {
+pub(crate) fn router(api: Api, bodies: Bodies, additional_routes: Router) -> Router {
     // The document never changes, so every server of a process shares one.
     static DOCUMENT: LazyLock<String> = LazyLock::new(|| openapi::document(documented().into_openapi()));
     let document = async || ([(CONTENT_TYPE, "application/json")], DOCUMENT.as_str());
@@ -67,6 +67,8 @@ pub(crate) fn router(api: Api, bodies: Bodies) -> Router {
         .route("/openapi.json", axum::routing::get(document))
         .with_state(api)
         .merge(openapi::documentation_page())
+        .merge(palpate_dashboard::router())
+        .merge(additional_routes)
         .fallback(no_such_path)
         .method_not_allowed_fallback(method_not_allowed)
         // Inside of what decompresses, so that it counts what is held and not what was sent.
@@ -121,7 +123,6 @@ fn documented() -> OpenApiRouter<Api> {
         .routes(routes!(operations::livez))
         .routes(routes!(operations::readyz))
         .routes(routes!(operations::version))
-        .routes(routes!(operations::index))
 }
 
 async fn no_such_path(uri: Uri) -> Problem {

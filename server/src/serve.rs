@@ -13,6 +13,7 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use axum::Router;
 use http::HeaderValue;
 use tokio::net::TcpListener;
 use tokio_util::sync::CancellationToken;
@@ -40,6 +41,8 @@ pub struct ServeOptions {
     ///
     /// On a loopback address no others are taken; on other addresses any is taken where none is given.
     pub allowed_hosts: Vec<String>,
+    /// Routes of the program around the server, let in by the same rules; empty unless it has any.
+    pub additional_routes: Router,
 }
 
 impl Default for ServeOptions {
@@ -49,6 +52,7 @@ impl Default for ServeOptions {
             limits: Limits::default(),
             allowed_origins: Vec::new(),
             allowed_hosts: Vec::new(),
+            additional_routes: Router::new(),
         }
     }
 }
@@ -94,7 +98,7 @@ pub async fn serve(
     options: ServeOptions,
     shutdown: CancellationToken,
 ) -> Result<(), ServeError> {
-    let ServeOptions { database, limits, allowed_origins, allowed_hosts } = options;
+    let ServeOptions { database, limits, allowed_origins, allowed_hosts, additional_routes } = options;
     let address: SocketAddr = listener.local_addr()?;
     let allowed_origins = checked_origins(&allowed_origins)?;
     let door = Door::new(address, checked_hosts(&allowed_hosts)?, allowed_origins.clone(), &limits);
@@ -105,11 +109,12 @@ pub async fn serve(
     grpc::report_health(health.clone(), true).await;
     // Around all routes: a browser asks for leave before it calls over gRPC-Web, too.
     let pages = option_layer(cors::layer(allowed_origins));
-    let router = grpc_routes.merge(web::router(api.clone(), bodies)).layer(pages);
+    let router = grpc_routes.merge(web::router(api.clone(), bodies, additional_routes)).layer(pages);
 
     let connections = Arc::new(Connections::new(router, door, api.limits()));
     tracing::info!(
         api = %format!("http://{address}"),
+        page = %format!("http://{address}/"),
         docs = %format!("http://{address}/docs"),
         database = %database.display(),
         "palpate listens for gRPC and HTTP"

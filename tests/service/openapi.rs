@@ -37,6 +37,18 @@ fn check(document: &Value, schema: &Value, value: &Value, path: &str) {
 }
 
 #[tokio::test]
+async fn the_page_is_built_from_the_document_that_is_served() {
+    let server = Server::start().await;
+    let kept: Value =
+        serde_json::from_str(include_str!("../../clients/dashboard/openapi.json")).expect("it is JSON");
+    assert!(
+        kept == document(&server).await,
+        "clients/dashboard/openapi.json is of another API; start `palpate serve` and renew it with\n\
+         curl -s http://127.0.0.1:7257/openapi.json -o clients/dashboard/openapi.json"
+    );
+}
+
+#[tokio::test]
 async fn every_example_works_as_it_is_and_its_reply_is_as_documented() {
     let server = Server::start().await;
     let document = document(&server).await;

@@ -69,14 +69,18 @@ async fn every_service_is_healthy() {
 }
 
 #[tokio::test]
-async fn probes_answer_and_the_front_page_leads_to_the_documentation() {
+async fn probes_answer_and_pages_are_pages() {
     let server = Server::start().await;
     for (path, text) in [("/healthz", "ok\n"), ("/livez", "ok\n"), ("/readyz", "ready\n")] {
         let response = send(server.http().get(path)).await;
         assert_eq!(response.status(), 200, "{path}");
         assert_eq!(response.text().await.unwrap(), text);
     }
-    for path in ["/", "/docs", "/docs/"] {
+    let page = send(server.http().get("/")).await;
+    assert_eq!(page.status(), 200);
+    assert!(header(&page, "content-security-policy").contains("script-src 'self'"));
+    assert!(page.text().await.unwrap().contains("/docs/"));
+    for path in ["/docs", "/docs/"] {
         let page = send(server.http().get(path)).await;
         assert_eq!(page.status(), 200, "{path}");
         assert!(header(&page, "content-type").starts_with("text/html"));

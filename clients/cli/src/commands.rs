@@ -14,6 +14,7 @@ mod replay;
 mod robot;
 mod serve;
 mod server;
+mod simulations;
 
 use clap::Subcommand;
 

@@ -1,7 +1,6 @@
 //! What operators and probes ask: is it alive, is it ready, what is it.
 
 use axum::extract::State;
-use axum::response::Redirect;
 use palpate_proto::v1;
 
 use super::problem::Problem;
@@ -42,10 +41,4 @@ pub(super) async fn readyz(State(api): State<Api>) -> Result<String, Problem> {
 )]
 pub(super) async fn version(State(api): State<Api>) -> ProtoJson<v1::ServerInfo> {
     ProtoJson(api.server_info())
-}
-
-/// Leads to this documentation
-#[utoipa::path(get, path = "/", tag = "operations", responses((status = 307, description = "To /docs")))]
-pub(super) async fn index() -> Redirect {
-    Redirect::temporary("/docs/")
 }

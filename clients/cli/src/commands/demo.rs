@@ -32,7 +32,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE", default_value = "palpate-demo.ply", help_heading = "Output")]
     out: PathBuf,
 
-    /// Go on serving after the last touch, until Ctrl-C, to look around with curl.
+    /// Go on serving after the last touch, until Ctrl-C, to look around in the browser and with curl.
     #[arg(long, help_heading = "Output")]
     keep: bool,
 }
@@ -69,7 +69,7 @@ async fn explore(args: &Args, database: &Path) -> Result<(LocalServer, Explorati
         0,
     ))?;
     let plan = plan(&name, "demo", &args.session, &args.sensors);
-    let exploration = drive(client, &body, plan).await?;
+    let exploration = drive(client, &body, plan, &server.url).await?;
     say(format_args!("\n{exploration}"))?;
     save_ply(&exploration, &args.out)?;
     Ok((server, exploration))
@@ -87,6 +87,7 @@ fn look_around(url: &str, session_id: &str) -> String {
         format!("curl '{session}/mesh?format=obj' -o estimate.obj"),
     ];
     let mut text = format!("\n{}", styled(BOLD, "Still serving, until Ctrl-C. Look around:"));
+    text.push_str(&format!("\n  {url}/#/{session_id} shows it"));
     text.push_str(&format!("\n  {url}/docs documents every call"));
     for command in commands {
         text.push_str(&format!("\n  {}", styled(COMMAND, command)));

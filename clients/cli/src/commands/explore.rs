@@ -43,7 +43,7 @@ pub(crate) async fn run(args: Args) -> Result<(), Failure> {
     let client = args.server.connect().await?;
     say(format_args!("A simulated robot explores through {}: {name}.", args.server.url))?;
     let plan = plan(&name, "explore", &args.session, &args.sensors);
-    let exploration = drive(client, &body, plan).await?;
+    let exploration = drive(client, &body, plan, args.server.url.trim_end_matches('/')).await?;
     say(format_args!("\n{exploration}"))?;
     if let Some(path) = &args.out {
         save_ply(&exploration, path)?;

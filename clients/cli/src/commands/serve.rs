@@ -9,6 +9,7 @@ use http::HeaderValue;
 use tokio::net::TcpListener;
 use tokio_util::sync::CancellationToken;
 
+use super::simulations;
 use crate::failure::Failure;
 use crate::writable;
 use palpate_server::{ServeOptions, parse_host, parse_origin, serve};
@@ -26,6 +27,8 @@ pub(super) const EXAMPLES: &str = "\
 Examples:
   palpate serve --listen 127.0.0.1:0 --database /tmp/try.db
           a free port, and a database to throw away
+  palpate serve --simulated-robots 4
+          with robots that can be started from the page, to look around
   palpate serve --allow-origin http://localhost:5173
           for a web page that is developed on that port";
 
@@ -55,6 +58,11 @@ pub(crate) struct Args {
     #[arg(long = "allow-host", env = "PALPATE_ALLOW_HOST", value_name = "HOST", value_delimiter = ',')]
     #[arg(value_parser = parse_host)]
     allowed_hosts: Vec<String>,
+
+    /// How many simulated robots may run at a time, which whoever may call the server can then start from its page.
+    #[arg(long, env = "PALPATE_SIMULATED_ROBOTS", value_name = "N", default_value_t = 0)]
+    #[arg(value_parser = clap::value_parser!(u8).range(0..=simulations::MOST))]
+    simulated_robots: u8,
 }
 
 /// An address, or the first address of a name such as `localhost`.
@@ -65,7 +73,7 @@ fn resolve(text: &str) -> Result<SocketAddr, String> {
 
 /// Serves until a signal says stop.
 pub(crate) async fn run(args: Args) -> Result<(), Failure> {
-    let Args { listen, database, insecure_open, allowed_origins, allowed_hosts } = args;
+    let Args { listen, database, insecure_open, allowed_origins, allowed_hosts, simulated_robots } = args;
     refuse_open_network(listen, insecure_open)?;
     writable::check("--database", &database)?;
     let listener = TcpListener::bind(listen).await.map_err(|error| explain_bind(listen, &error))?;
@@ -74,7 +82,10 @@ pub(crate) async fn run(args: Args) -> Result<(), Failure> {
     }
     let shutdown = CancellationToken::new();
     tokio::spawn(cancel_on_signal(shutdown.clone()));
-    let options = ServeOptions { database, allowed_origins, allowed_hosts, ..ServeOptions::default() };
+    let additional_routes =
+        simulations::router(listener.local_addr()?, simulated_robots.into(), shutdown.clone());
+    let options =
+        ServeOptions { database, allowed_origins, allowed_hosts, additional_routes, ..ServeOptions::default() };
     // It says itself where it listens, once the database is open.
     serve(listener, options, shutdown).await?;
     tracing::info!("stopped");

@@ -38,12 +38,16 @@ pub(in crate::commands) async fn drive(
     client: Client,
     body: &Body,
     plan: Plan,
+    url: &str,
 ) -> Result<Exploration, Failure> {
     let reference = Arc::new(Reference::new(body.mesh().clone(), Sampling::default())?);
     let bar = ProgressBar::new(plan.attempts.into());
     bar.set_style(ProgressStyle::with_template("{bar:15} {pos}/{len} touches, {eta} left")?);
     let mut robot =
         MeasuredRobot::begin(client, body, reference, plan, Reference::surface_distance_m).await?;
+    // The address works from here on, while the robot goes on touching.
+    let page = format!("Watch it: {url}/#/{}", robot.session().session_id);
+    bar.suspend(|| say(page))?;
     let head = styled(BOLD, "attempt  outcome  error mm  uncertainty");
     let seen = format!("   none  camera   {:8.2}  {:11.3}", 1e3 * robot.errors, robot.mean_uncertainty());
     let seen = with_warnings(seen, robot.view_warnings());

@@ -7,8 +7,12 @@ use tokio::net::TcpListener;
 use tokio::task::JoinHandle;
 use tokio_util::sync::{CancellationToken, DropGuard};
 
+use crate::commands::simulations;
 use crate::failure::Failure;
 use palpate_server::{ServeError, ServeOptions, serve};
+
+/// How many more robots can be started from the page.
+const SIMULATED_ROBOTS: usize = 4;
 
 /// A server that runs beside the command.
 #[derive(Debug)]
@@ -24,9 +28,12 @@ impl LocalServer {
     /// Starts a server over the database at `database` and connects to it.
     pub(in crate::commands) async fn start(database: &Path) -> Result<(Self, Client), Failure> {
         let listener = TcpListener::bind("127.0.0.1:0").await?;
-        let url = format!("http://{}", listener.local_addr()?);
+        let address = listener.local_addr()?;
+        let url = format!("http://{address}");
         let shutdown = CancellationToken::new();
-        let options = ServeOptions { database: database.to_owned(), ..ServeOptions::default() };
+        let additional_routes = simulations::router(address, SIMULATED_ROBOTS, shutdown.clone());
+        let options =
+            ServeOptions { database: database.to_owned(), additional_routes, ..ServeOptions::default() };
         let task = tokio::spawn(serve(listener, options, shutdown.clone()));
         match Client::connect(&url).await {
             Ok(client) => Ok((Self { url, shutdown: shutdown.drop_guard(), task }, client)),
