@@ -35,7 +35,9 @@ fn main() -> Result<()> {
     if env::var_os("PALPATE_NO_DASHBOARD").is_some() {
         println!("cargo::warning=PALPATE_NO_DASHBOARD is set: the server is built without its page");
     } else if Command::new(NPM).arg("--version").output().is_err() {
-        println!("cargo::warning=npm is not installed: the server is built without its page; install Node.js 20");
+        println!(
+            "cargo::warning=npm is not installed: the server is built without its page; install Node.js 20"
+        );
     } else {
         let folder = out.join("page-build");
         if folder.join("page").exists() {

@@ -41,6 +41,7 @@ export class List {
       const filter = { experiment: this.filteredExperiment, labels: this.labels.value.trim() };
       const sessions = await api.sessions(filter, signal);
       this.onReach(true);
+      this.message.hidden = sessions.length > 0;
       this.message.textContent = sessions.length ? "" : "No sessions here yet. Create one, or start a robot.";
       await Promise.all(sessions.slice(0, 12).map((session) => this.readSparkline(session)));
       if (signal.aborted) return;
@@ -50,6 +51,7 @@ export class List {
       if (signal.aborted) return;
       const isRefused = error instanceof Error && "status" in error;
       this.onReach(isRefused);
+      this.message.hidden = false;
       this.message.textContent = isRefused ? (error as Error).message : "The server does not answer. Trying again.";
     }
   }

@@ -50,7 +50,7 @@ export class Panel {
     const stats = step?.event.stats_after ?? session.stats;
     this.caption.replaceChildren(
       h("strong", {}, session.display_name || this.id),
-      h("span", {}, `revision ${wanted} · ${stats.attempts ?? 0} attempts · ${stats.failures ?? 0} failures · uncertainty ${unit(stats.mean_uncertainty)}${stats.mean_std_m === undefined ? "" : ` · ± ${mm(stats.mean_std_m)}`}`),
+      h("span", {}, `revision ${wanted} · ${stats.attempts ?? 0} attempts · ${stats.failures ?? 0} failures · uncertainty ${unit(stats.mean_uncertainty)}${stats.mean_std_m === undefined ? "" : ` · mean deviation ± ${mm(stats.mean_std_m)}`}`),
     );
     const hasSurface = (stats.visual_points ?? 0) > 0;
     this.empty.hidden = hasSurface;

@@ -313,7 +313,9 @@ export class View {
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
     this.camera.updateProjectionMatrix();
-    this.draw();
+    // At once: a resized canvas is blank, and would be seen so until the next frame.
+    this.renderer.render(this.scene, this.camera);
+    this.showScale();
   }
 
   private showScale(): void {

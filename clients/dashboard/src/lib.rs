@@ -7,8 +7,8 @@ use axum::http::{HeaderMap, StatusCode};
 use axum::response::{Html, IntoResponse, Response};
 use axum::routing::get;
 use http::header::{
-    ACCEPT_ENCODING, CACHE_CONTROL, CONTENT_ENCODING, CONTENT_SECURITY_POLICY, CONTENT_TYPE, ETAG, IF_NONE_MATCH,
-    VARY,
+    ACCEPT_ENCODING, CACHE_CONTROL, CONTENT_ENCODING, CONTENT_SECURITY_POLICY, CONTENT_TYPE, ETAG,
+    IF_NONE_MATCH, VARY,
 };
 
 /// No inline script and no inline style; nothing from elsewhere.
@@ -59,7 +59,8 @@ impl Asset {
         };
         // A strong tag names exact bytes, so each encoding has its own.
         let tag = format!("\"{}{}\"", self.etag, encoding.map_or(String::new(), |name| format!("-{name}")));
-        let cache = if self.path.starts_with("/assets/") { "max-age=31536000, immutable" } else { "no-cache" };
+        let cache =
+            if self.path.starts_with("/assets/") { "max-age=31536000, immutable" } else { "no-cache" };
         let common = [
             (CONTENT_TYPE, self.content_type()),
             (CONTENT_SECURITY_POLICY, POLICY),
@@ -107,7 +108,8 @@ mod tests {
 
     #[test]
     fn each_encoding_is_sent_where_it_is_taken() {
-        let encoding = |accepted| ask(&[(ACCEPT_ENCODING, accepted)]).headers().get(CONTENT_ENCODING).cloned();
+        let encoding =
+            |accepted| ask(&[(ACCEPT_ENCODING, accepted)]).headers().get(CONTENT_ENCODING).cloned();
         assert_eq!(encoding("gzip, deflate, br").unwrap(), "br");
         assert_eq!(encoding("gzip, br;q=0").unwrap(), "gzip");
         assert_eq!(encoding("identity"), None);

@@ -84,8 +84,13 @@ pub(crate) async fn run(args: Args) -> Result<(), Failure> {
     tokio::spawn(cancel_on_signal(shutdown.clone()));
     let additional_routes =
         simulations::router(listener.local_addr()?, simulated_robots.into(), shutdown.clone());
-    let options =
-        ServeOptions { database, allowed_origins, allowed_hosts, additional_routes, ..ServeOptions::default() };
+    let options = ServeOptions {
+        database,
+        allowed_origins,
+        allowed_hosts,
+        additional_routes,
+        ..ServeOptions::default()
+    };
     // It says itself where it listens, once the database is open.
     serve(listener, options, shutdown).await?;
     tracing::info!("stopped");

@@ -153,7 +153,12 @@ async fn begin(simulations: Arc<Simulations>, request: Request) -> Result<Runnin
         return Err(problem(StatusCode::TOO_MANY_REQUESTS, "TOO_MANY_SIMULATIONS", "", &text));
     };
     let failed = |error: &dyn std::fmt::Display| {
-        problem(StatusCode::BAD_GATEWAY, "SIMULATION_FAILED", "", &format!("the robot could not begin: {error}"))
+        problem(
+            StatusCode::BAD_GATEWAY,
+            "SIMULATION_FAILED",
+            "",
+            &format!("the robot could not begin: {error}"),
+        )
     };
     let Defaults { mut session, sensors } = Defaults::parse_from(["robot"]);
     session.seed = request.seed;
