@@ -238,7 +238,6 @@ mod tests {
         let expected = [
             "delete /v1/sessions/{session_id}",
             "delete /v1/sessions/{session_id}/reference",
-            "get /",
             "get /healthz",
             "get /livez",
             "get /readyz",
