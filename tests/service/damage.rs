@@ -1,13 +1,14 @@
 //! A log that does not say what was written: found before anything of it is served, and told to whoever asks.
 
 use std::path::Path;
+use std::time::Duration;
 
 use palpate_proto::v1;
 use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{AssertSqlSafe, Connection, SqliteConnection};
 
 use crate::harness::ball::{CENTRE, contact_at, met, plausible};
-use crate::harness::{Caller, Server, Transport, accepted, creation, report, without_timing};
+use crate::harness::{Caller, Server, Transport, accepted, creation, report, soon, without_timing};
 
 /// The sessions' logs: the creation, a view, and contacts up to this event.
 const HEAD: i64 = 5;
@@ -300,8 +301,18 @@ async fn what_is_written_into_a_deleted_file_is_not_acknowledged() {
         // Put back in time, nothing has happened.
         std::fs::rename(&away, &file).unwrap();
         let caller = server.grpc();
-        let contact = report("ball", contact(), "lost");
-        assert_eq!(caller.report(contact).await.unwrap().seq, HEAD + 1, "{name}");
+        // The log is opened anew meanwhile, so the first tries may still be told to come again.
+        let told = soon("the log is back", async {
+            loop {
+                match caller.report(report("ball", contact(), "lost")).await {
+                    Err(refused) if refused.reason == "STORE_DOWN" => {
+                        tokio::time::sleep(Duration::from_millis(100)).await;
+                    }
+                    told => break told.unwrap(),
+                }
+            }
+        });
+        assert_eq!(told.await.seq, HEAD + 1, "{name}");
         accepted(server.http().get("/readyz")).await.unwrap();
     }
 }
