@@ -5,6 +5,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::time::SystemTime;
 use std::{env, fs, io};
 
 /// What the page is made of; anything else is left alone.
@@ -27,13 +28,13 @@ fn main() {
         println!("cargo::rerun-if-changed={}", here.join(source).display());
     }
     println!("cargo::rerun-if-env-changed=PALPATE_DASHBOARD");
-    println!("cargo::rerun-if-env-changed=PATH");
 
     let page = if env::var("PALPATE_DASHBOARD").is_ok_and(|wish| wish == "off") {
         here.join("without-npm")
     } else if !has_node() {
         println!(
-            "cargo::warning=without Node 20 or newer and npm, / has no dashboard: install it, build again"
+            "cargo::warning=without Node 20 or newer and npm, / has no dashboard: install it, \
+             `cargo clean -p palpate-dashboard`, build again"
         );
         here.join("without-npm")
     } else {
@@ -67,7 +68,19 @@ fn built(here: &Path, out: &Path) -> io::Result<PathBuf> {
         npm(out, &["ci"])?;
     }
     npm(out, &["run", "build"])?;
-    Ok(out.join("dist"))
+    let page = out.join("dist");
+    make_old(&page)?;
+    Ok(page)
+}
+
+/// Sets the times of what was built to the distant past: cargo builds again what became newer than the start of this.
+fn make_old(path: &Path) -> io::Result<()> {
+    if path.is_dir() {
+        for entry in fs::read_dir(path)? {
+            make_old(&entry?.path())?;
+        }
+    }
+    fs::File::open(path)?.set_modified(SystemTime::UNIX_EPOCH)
 }
 
 fn copy(from: &Path, to: &Path) -> io::Result<()> {

@@ -68,6 +68,10 @@ export class Server {
     await until("the server", async () => (await fetch(`${this.url}/readyz`)).ok);
   }
 
+  isRunning() {
+    return this.process.exitCode === null && this.process.signalCode === null;
+  }
+
   kill(signal = "SIGKILL") {
     return new Promise((done) => {
       this.process.once("exit", done);
