@@ -1,29 +1,26 @@
-"""The robot of examples/mujoco_robot.py against what can be worked out by hand, and once against a real server.
-
-The server's program is taken from PALPATE_PROGRAM, or from target/release/palpate.
-"""
+"""The robot of examples/mujoco_robot.py against what can be worked out by hand, and once against a real server."""
 
 from __future__ import annotations
 
-import os
 import sys
 from pathlib import Path
 
 import pytest
 
-pytest.importorskip("mujoco", reason="mujoco is not installed: pip install mujoco trimesh rtree")
-pytest.importorskip("trimesh", reason="trimesh is not installed: pip install mujoco trimesh rtree")
-
-import base64
-import tempfile
+pytest.importorskip("mujoco", reason="pip install './clients/python[sim]'")
+pytest.importorskip("trimesh", reason="pip install './clients/python[sim]'")
 
 import numpy as np
 import trimesh
+
+import palpate
+from palpate.poses import rotation_of
 
 ROOT = Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(ROOT / "clients/python/examples"))
 
 from mujoco_robot import (  # noqa: E402
+    DEPTH_UNIT,
     FLANGE_STIFFNESS,
     PAD_MASS,
     REALISTIC,
@@ -31,16 +28,15 @@ from mujoco_robot import (  # noqa: E402
     Array,
     MujocoRobot,
     Sensors,
-    Server,
     Touch,
     divided,
     explore,
     generated,
-    rotation,
-    start_server,
 )
 
-DOWN = np.array([1.0, 0.0, 0.0, 0.0])  # x, y, z, w: the pad's z axis points down, its x axis along x, its y axis along -y
+DOWN = np.array(
+    [1.0, 0.0, 0.0, 0.0]
+)  # x, y, z, w: the pad's z axis points down, its x axis along x, its y axis along -y
 RADIUS = 0.04
 # The reported pose knows nothing of how far the pad's own weight bends the flange, and 2 N press in by micrometres.
 SAG = PAD_MASS * 9.81 / FLANGE_STIFFNESS
@@ -52,14 +48,16 @@ def ball() -> trimesh.Trimesh:
 
 
 def from_above(robot: MujocoRobot, x: float, y: float = 0.0, high: float = 0.1, low: float = 0.0) -> Touch:
-    return robot.touch(np.array([x, y, high]), np.array([x, y, low]), DOWN)
+    return robot.approach(np.array([x, y, high]), np.array([x, y, low]), DOWN)
 
 
 @pytest.mark.parametrize(("x", "y"), [(0.0, 0.0), (0.004, 0.0), (-0.006, 0.003), (0.0, -0.008)])
 def test_a_flat_pad_on_a_ball_touches_its_top(x: float, y: float) -> None:
     touch = from_above(MujocoRobot(ball()), x, y)
     assert touch.outcome == "contact"
-    np.testing.assert_allclose(touch.position, [x, y, RADIUS + SAG], atol=5e-5)  # the pad tilts a little under a load at its rim
+    np.testing.assert_allclose(
+        touch.position, [x, y, RADIUS + SAG], atol=5e-5
+    )  # the pad tilts a little under a load at its rim
     assert -2.2 < touch.wrench[2] < -1.7
     np.testing.assert_allclose(touch.wrench[:2], 0, atol=0.02)
     # The force acts at the ball's top, (-x, y) in the pad's axes: torque = lever x force.
@@ -91,8 +89,8 @@ def test_a_slanted_approach_is_measured_in_the_session_s_frame() -> None:
     axis = np.cross([0.0, 0.0, 1.0], -normal)
     angle = np.arccos(-normal[2])
     quaternion = np.append(np.sin(angle / 2) * axis / np.linalg.norm(axis), np.cos(angle / 2))
-    np.testing.assert_allclose(rotation(quaternion)[:, 2], -normal, atol=1e-12)
-    touch = MujocoRobot(ball()).touch(0.055 * normal, 0.025 * normal, quaternion)
+    np.testing.assert_allclose(rotation_of(quaternion)[:, 2], -normal, atol=1e-12)
+    touch = MujocoRobot(ball()).approach(0.055 * normal, 0.025 * normal, quaternion)
     vertices = ball().vertices  # of the mesh the pad meets the vertex that stands out the farthest
     np.testing.assert_allclose(touch.centre_of_pressure, vertices[np.argmax(vertices @ normal)], atol=2e-4)
 
@@ -122,7 +120,10 @@ def test_taring_removes_bias_and_weight() -> None:
 
 
 def test_noise_is_as_large_as_it_is_said() -> None:
-    robot, exact = MujocoRobot(ball(), Sensors(force_noise_n=0.1, torque_noise_nm=0.002)), from_above(MujocoRobot(ball()), 0.0)
+    robot, exact = (
+        MujocoRobot(ball(), Sensors(force_noise_n=0.1, torque_noise_nm=0.002)),
+        from_above(MujocoRobot(ball()), 0.0),
+    )
     off = np.array([from_above(robot, 0.0, high=0.06, low=0.03).wrench - exact.wrench for _ in range(30)])
     np.testing.assert_allclose(off[:, :3].std(), 0.1, rtol=0.3)
     np.testing.assert_allclose(off[:, 3:].std(), 0.002, rtol=0.3)
@@ -144,7 +145,10 @@ def tray_of(outer: trimesh.Trimesh, inner: trimesh.Trimesh) -> trimesh.Trimesh:
     (x, y, z), (a, b, floor) = outer.bounds[1], (*inner.bounds[1][:2], inner.bounds[0][2])
     square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
     rings: Array = np.concatenate(
-        [np.column_stack([square * s, np.full(4, h)]) for s, h in [((x, y), -z), ((x, y), z), ((a, b), z), ((a, b), floor)]]
+        [
+            np.column_stack([square * s, np.full(4, h)])
+            for s, h in [((x, y), -z), ((x, y), z), ((a, b), z), ((a, b), floor)]
+        ]
     )
     faces = [[0, 2, 1], [0, 3, 2], [12, 13, 14], [12, 14, 15]]
     for ring in range(3):
@@ -158,21 +162,20 @@ def tray_of(outer: trimesh.Trimesh, inner: trimesh.Trimesh) -> trimesh.Trimesh:
 
 def test_dividing_keeps_the_surface() -> None:
     triangles = divided(np.asarray(generated("box").triangles))
-    area = np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1).sum() / 2
+    area = (
+        np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1).sum() / 2
+    )
     assert area == pytest.approx(generated("box").area)
 
 
 @pytest.mark.parametrize("share", [0.05, 0.12])
 def test_the_depth_image_shows_a_patch_of_the_true_surface(share: float) -> None:
-    prior = MujocoRobot(ball(), seed=3).depth_image(share)
-    image = prior["depth"]
-    depth = np.frombuffer(base64.b64decode(prior["points"]), "<u2").astype(float) * image["depth_scale_m"]
-    rows, columns = np.divmod(np.flatnonzero(depth), image["width"])
-    at = depth[depth > 0, None] * np.column_stack(
-        [(columns - image["cx"]) / image["fx"], (rows - image["cy"]) / image["fy"], np.ones(len(rows))]
-    )
-    pose = image["base_from_camera"]
-    points = at @ rotation(np.array(list(pose["orientation"].values()))).T + list(pose["position"].values())
+    view = MujocoRobot(ball(), seed=3).depth_image(share)
+    fx, fy, cx, cy = view.intrinsics
+    rows, columns = np.nonzero(view.depth)
+    depth = view.depth[rows, columns, None] * DEPTH_UNIT
+    at = depth * np.column_stack([(columns - cx) / fx, (rows - cy) / fy, np.ones(len(rows))])
+    points = at @ view.base_from_camera[:3, :3].T + view.base_from_camera[:3, 3]
     np.testing.assert_allclose(np.linalg.norm(points, axis=1), RADIUS, atol=2e-4)
     # A cap of this share of a ball's surface is 2 * share * RADIUS high; away from the rim the patch is such a cap.
     assert len(points) > 200
@@ -180,18 +183,10 @@ def test_the_depth_image_shows_a_patch_of_the_true_surface(share: float) -> None
     assert (points @ middle).min() < RADIUS * (1 - 1.2 * share)
 
 
-def test_a_box_is_explored_with_a_real_server() -> None:
-    program = os.environ.get("PALPATE_PROGRAM", str(ROOT / "target/release/palpate"))
-    if not Path(program).exists():
-        pytest.fail(f"{program} is missing: cargo build --release, or set PALPATE_PROGRAM")
-    with tempfile.TemporaryDirectory() as folder:
-        process, url = start_server(program, folder)
-        try:
-            exact = explore(Server(url), MujocoRobot(generated("box")), 20, 0.12)
-            noisy = explore(Server(url), MujocoRobot(generated("bottle"), REALISTIC), 20, 0.12)
-        finally:
-            process.terminate()
-            process.wait()
+@pytest.mark.filterwarnings("ignore::palpate.EvidenceWarning")
+def test_a_box_is_explored_with_a_real_server(client: palpate.Client) -> None:
+    exact = explore(client, MujocoRobot(generated("box")), 20, 0.12)
+    noisy = explore(client, MujocoRobot(generated("bottle"), REALISTIC), 20, 0.12)
     assert exact["surface_distance_m"] < 0.0015
     assert noisy["surface_distance_m"] < 0.005
     assert exact["failures"] < 10

@@ -210,6 +210,8 @@ fn detail_of(status: &Status) -> String {
 
 #[cfg(test)]
 mod tests {
+    use tonic_types::ErrorDetails;
+
     use super::*;
 
     #[test]
@@ -228,5 +230,30 @@ mod tests {
             refusal("a field is wrong").to_string(),
             "a field is wrong; top_k: at most 64 (FIELD_INVALID)"
         );
+    }
+
+    #[test]
+    fn each_reason_is_dealt_with_as_the_table_of_duties_says() {
+        let table = include_str!("../../README.md");
+        let rows: Vec<Vec<_>> = table
+            .lines()
+            .filter(|line| line.starts_with("| `"))
+            .map(|line| line.split('|').map(str::trim).collect())
+            .filter(|cells: &Vec<_>| cells.len() == 7 && cells[2] != "-")
+            .collect();
+        assert!(rows.len() > 20, "{rows:?}");
+        for cells in rows {
+            let (reason, code, again) = (cells[1].trim_matches('`'), cells[2], cells[4]);
+            let code = (0..17)
+                .map(Code::from_i32)
+                .find(|one| format!("{one:?}").eq_ignore_ascii_case(&code.replace('_', "")));
+            let mut details = ErrorDetails::new();
+            details.set_error_info(reason, "palpate.v1", []);
+            if again == "after the wait" {
+                details.set_retry_info(Some(Duration::from_millis(10)));
+            }
+            let status = Status::with_error_details(code.expect("a gRPC code"), "no", details);
+            assert_eq!(Error::from_status(&status, 1).is_transient(), again != "no", "{cells:?}");
+        }
     }
 }

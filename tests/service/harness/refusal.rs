@@ -1,4 +1,5 @@
-//! A refused call, whichever way it travelled. Each one that a test sees is held against the table of reasons.
+//! A refused call, whichever way it travelled. Each one that a test sees is held against the table of reasons
+//! in clients/README.md.
 
 use std::time::Duration;
 
@@ -25,8 +26,7 @@ impl Refused {
         let details = status.get_error_details();
         let info = details.error_info().unwrap_or_else(|| panic!("a status without a reason: {status:?}"));
         assert_eq!(info.domain, "palpate.v1");
-        let (code, _) = statuses(&info.reason);
-        assert_eq!(status.code(), code, "{}", info.reason);
+        assert_eq!(Some(status.code()), row(&info.reason).0, "{}", info.reason);
         let fields = details.bad_request().map(|bad| bad.field_violations.clone()).unwrap_or_default();
         Self {
             reason: info.reason.clone(),
@@ -43,7 +43,7 @@ impl Refused {
         assert_eq!(content_type, "application/problem+json", "{body}");
         let problem: Value = serde_json::from_str(body).unwrap();
         let reason = problem["reason"].as_str().unwrap().to_owned();
-        assert_eq!(status, statuses(&reason).1, "{body}");
+        assert_eq!(status, row(&reason).1, "{body}");
         assert_eq!(problem["status"], status);
         assert!(problem["type"].is_string() && problem["title"].is_string(), "{body}");
         let fields = problem["fields"].as_array().unwrap().iter();
@@ -61,39 +61,39 @@ impl Refused {
         assert!(!self.message.is_empty(), "people read the message: {self:?}");
         let is_about_fields = matches!(self.reason.as_str(), "FIELD_INVALID" | "NON_FINITE");
         assert_eq!(is_about_fields, !self.fields.is_empty(), "{self:?}");
+        let (_, _, is_to_wait) = row(&self.reason);
+        assert!(!is_to_wait || self.retry_after.is_some(), "a time to wait is missing: {self:?}");
         self
     }
 }
 
-/// The gRPC code and the HTTP status of each reason.
+/// The page for authors of clients, with the table of reasons.
+const DUTIES: &str = include_str!("../../../clients/README.md");
+
+/// What the table says of a reason: the gRPC code, the HTTP status, and whether the answer names a time to wait.
 #[track_caller]
-fn statuses(reason: &str) -> (Code, u16) {
-    match reason {
-        "FIELD_INVALID" | "NON_FINITE" => (Code::InvalidArgument, 422),
-        "SESSION_NOT_FOUND" => (Code::NotFound, 404),
-        "SESSION_EXISTS" | "REQUEST_ID_REUSED" => (Code::AlreadyExists, 409),
-        "REVISION_MISMATCH" => (Code::Aborted, 409),
-        "ETAG_MISMATCH" => (Code::Aborted, 412),
-        "NO_VISUAL_PRIOR" | "NO_REFERENCE" | "SESSION_FINISHED" | "SESSION_FULL" | "SESSION_QUARANTINED" => {
-            (Code::FailedPrecondition, 409)
+fn row(reason: &str) -> (Option<Code>, u16, bool) {
+    let line = DUTIES
+        .lines()
+        .find(|line| line.starts_with(&format!("| `{reason}` |")))
+        .unwrap_or_else(|| panic!("{reason} is not in the table of clients/README.md"));
+    let cells: Vec<_> = line.split('|').map(str::trim).collect();
+    let code = (cells[2] != "-").then(|| code_named(cells[2]));
+    (code, cells[3].parse().expect("an HTTP status"), cells[4] == "after the wait")
+}
+
+/// The code that the specification of gRPC calls `name`.
+fn code_named(name: &str) -> Code {
+    (0..17).map(Code::from_i32).find(|code| upper_snake(&format!("{code:?}")) == name).expect("a gRPC code")
+}
+
+fn upper_snake(camel: &str) -> String {
+    let mut name = String::new();
+    for (at, letter) in camel.chars().enumerate() {
+        if at > 0 && letter.is_uppercase() {
+            name.push('_');
         }
-        "ETAG_MISSING" => (Code::FailedPrecondition, 428),
-        "QUOTA" | "QUEUE_FULL" => (Code::ResourceExhausted, 429),
-        "TOO_LARGE" => (Code::ResourceExhausted, 413),
-        "OVERLOADED" => (Code::ResourceExhausted, 503),
-        "HEADER_TOO_LARGE" => (Code::ResourceExhausted, 431),
-        "BODY_TIMEOUT" => (Code::DeadlineExceeded, 408),
-        "HOST_MISSING" => (Code::InvalidArgument, 400),
-        "HOST_REFUSED" | "ORIGIN_REFUSED" => (Code::PermissionDenied, 403),
-        "STORE_FULL" => (Code::ResourceExhausted, 507),
-        "DRAINING" => (Code::Unavailable, 503),
-        "STORE_DOWN" => (Code::Unavailable, 503),
-        // These can happen over HTTP only.
-        "UNPARSABLE" => (Code::Unknown, 400),
-        "NO_SUCH_PATH" => (Code::Unknown, 404),
-        "METHOD_NOT_ALLOWED" => (Code::Unknown, 405),
-        "NOT_ACCEPTABLE" => (Code::Unknown, 406),
-        "UNSUPPORTED_MEDIA_TYPE" => (Code::Unknown, 415),
-        other => panic!("{other} is in no table"),
+        name.push(letter.to_ascii_uppercase());
     }
+    name
 }

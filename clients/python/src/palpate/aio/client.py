@@ -1,0 +1,231 @@
+"""The connection to a server."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, TypeVar
+
+import grpc
+
+from palpate import calls, v1
+from palpate.aio.session import Session
+from palpate.calls import Call
+from palpate.channel import OPTIONS, target
+from palpate.errors import NoAnswer, NoServer, from_rpc_error
+from palpate.retry import Attempts, new_request_id
+from palpate.streams import import_requests
+
+T = TypeVar("T")
+
+
+class Client:
+    """A connection to a Palpate server.
+
+    Every call is tried again while the server is away or busy, under one request_id, so that nothing is counted twice.
+    A client may be used by several threads at once.
+
+    It connects when it is entered as a context, or at the first call.
+
+    Args:
+        url: of the server.
+        timeout: seconds that a call may take in all, with its retries.
+        connect_timeout: seconds in which the server must answer for the first time.
+
+    Raises:
+        ValueError: `url` is no address of a server.
+    """
+
+    def __init__(self, url: str = "http://127.0.0.1:7257", timeout: float = 60.0, connect_timeout: float = 5.0):
+        self.url = url
+        self.timeout = timeout
+        self._connect_timeout = connect_timeout
+        self._target = target(url)
+        self._channel: grpc.aio.Channel | None = None
+        self._info: v1.ServerInfo | None = None
+
+    async def __aenter__(self) -> Client:
+        await self.connect()
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self.close()
+
+    async def connect(self) -> v1.ServerInfo:
+        """Connects, if that was not done yet; the server's versions, capabilities and limits.
+
+        Raises:
+            NoServer: nobody answers at the address.
+        """
+        if self._info is None:
+            try:
+                self._info = await self._run(calls.server_info(), self._connect_timeout)
+            except NoAnswer as error:
+                raise NoServer(self.url, error.detail) from None
+        return self._info
+
+    async def close(self) -> None:
+        """Closes the connection; the sessions stay on the server."""
+        if self._channel is not None:
+            await self._channel.close()
+        self._channel, self._info = None, None
+
+    async def create_session(
+        self,
+        session_id: str = "",
+        *,
+        frame_id: str = "",
+        display_name: str = "",
+        experiment: str = "",
+        labels: Mapping[str, str] | None = None,
+        method: str | None = None,
+        strategy: str | None = None,
+        budget: int | None = None,
+        table_z: float | None = None,
+        sensors: Iterable[v1.Sensor] = (),
+        shadow: Iterable[str] = (),
+        config: v1.SessionConfig | Mapping[str, Any] | None = None,
+        request_id: str | None = None,
+    ) -> Session:
+        """Creates a session, which then awaits its first view.
+
+        Args:
+            session_id: [a-z][a-z0-9-]{2,62}; by default the server makes one.
+            frame_id: name of the frame that all points and poses are in, for instance "base".
+            display_name, experiment, labels: for people, for tables and for filters.
+            method: PALPATE, PAPER or GPIS; by default the first.
+            strategy: PROACTIVE, MIN_UNCERTAINTY, UNIFORM, RANDOM or EXPECTED_GAIN.
+            budget: attempts after which the server advises to stop.
+            table_z: height in metres of the table that the object stands on; no approach enters it.
+            sensors: the pads, each made by `palpate.sensor`.
+            shadow: strategies whose choices are recorded beside the session's own.
+            config: anything else, as a SessionConfig or a dictionary of its fields.
+            request_id: makes a retry safe after this program was restarted; by default one is made.
+
+        Raises:
+            Refused: SESSION_EXISTS, or FIELD_INVALID with the fields named.
+        """
+        request = v1.CreateSessionRequest(
+            session_id=session_id,
+            frame_id=frame_id,
+            display_name=display_name,
+            experiment=experiment,
+            labels=labels or {},
+            config=calls.session_config(config, method, strategy, budget, table_z, sensors, shadow),
+            request_id=request_id or "",
+        )
+        return Session(self, await self.run(calls.create_session(request)))
+
+    async def session(self, session_id: str) -> Session:
+        """Opens a session that is there.
+
+        Raises:
+            Refused: SESSION_NOT_FOUND.
+        """
+        return Session(self, await self.run(calls.get_session(session_id)))
+
+    async def sessions(
+        self, *, experiment: str = "", labels: Mapping[str, str] | None = None, state: str | None = None
+    ) -> AsyncIterator[Session]:
+        """The server's sessions, newest first: of one experiment, with these labels, in this state, if said."""
+        token = ""
+        while True:
+            page = await self.run(calls.list_sessions(token, experiment, labels, state))
+            for info in page.sessions:
+                yield Session(self, info)
+            token = page.next_page_token
+            if not token:
+                return
+
+    async def experiments(self) -> AsyncIterator[v1.Experiment]:
+        """The names that sessions are grouped by, with their numbers."""
+        token = ""
+        while True:
+            page = await self.run(calls.list_experiments(token))
+            for experiment in page.experiments:
+                yield experiment
+            token = page.next_page_token
+            if not token:
+                return
+
+    async def experiment(
+        self, name: str, by: Sequence[str] = (), labels: Mapping[str, str] | None = None
+    ) -> v1.ExperimentSummary:
+        """Mean and spread of the groups of an experiment.
+
+        Args:
+            by: what makes a group, for instance ["method", "labels.object"].
+            labels: only sessions with these.
+        """
+        return await self.run(calls.summarize_experiment(name, by, labels))
+
+    async def import_session(self, path: str | Path, session_id: str = "", *, experiment: str = "") -> Session:
+        """Brings a session from a bundle, which `Session.export` wrote.
+
+        Without an id and an experiment it is the same session, byte for byte; with one it is a fork of it.
+
+        Raises:
+            Refused: SESSION_EXISTS, or FIELD_INVALID for a file that is no bundle.
+        """
+        header = v1.CreateSessionRequest(session_id=session_id, experiment=experiment, request_id=new_request_id())
+        await self.connect()
+        method = self._open().stream_unary(
+            "/palpate.v1.SessionService/ImportSession",
+            request_serializer=v1.ImportSessionRequest.SerializeToString,
+            response_deserializer=v1.Session.FromString,
+        )
+        info = await self._again(lambda left: method(import_requests(Path(path), header), timeout=left), self.timeout)
+        return Session(self, info)
+
+    # How the calls are carried out, for `Session`.
+
+    async def run(self, call: Call[T]) -> T:
+        """Carries out `call`, again and again while it may succeed and there is time."""
+        await self.connect()
+        return await self._run(call, self.timeout)
+
+    async def stream(self, call: Call[T]) -> AsyncIterator[T]:
+        """The replies to `call`, as they come; it is not sent again.
+
+        Raises:
+            PalpateError: at the reply that did not come.
+        """
+        await self.connect()
+        method = self._open().unary_stream(
+            call.path,
+            request_serializer=type(call.request).SerializeToString,
+            response_deserializer=call.reply.FromString,
+        )
+        replies = method(call.request)
+        try:
+            async for reply in replies:
+                yield call.read(reply)
+        except grpc.RpcError as error:
+            raise from_rpc_error(error, 1) from None
+        finally:
+            replies.cancel()
+
+    async def _run(self, call: Call[T], timeout: float) -> T:
+        method = self._open().unary_unary(
+            call.path,
+            request_serializer=type(call.request).SerializeToString,
+            response_deserializer=call.reply.FromString,
+        )
+        return call.read(await self._again(lambda left: method(call.request, timeout=left), timeout))
+
+    async def _again(self, attempt: Callable[[float], Awaitable[Any]], timeout: float) -> Any:
+        attempts = Attempts(timeout)
+        while True:
+            try:
+                return await attempt(attempts.time_left())
+            except grpc.RpcError as error:
+                await asyncio.sleep(attempts.wait_after(from_rpc_error(error, attempts.number)))
+
+    def _open(self) -> grpc.aio.Channel:
+        if self._channel is None:
+            self._channel = grpc.aio.insecure_channel(self._target, OPTIONS)
+        return self._channel
