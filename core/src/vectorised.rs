@@ -12,6 +12,12 @@ pub(crate) fn widest<R>(work: impl FnOnce() -> R) -> R {
     pulp::Arch::new().dispatch(work)
 }
 
+/// The larger of two numbers that are none of them NaN: one instruction, where the standard library's takes three.
+#[inline(always)]
+pub(crate) fn larger(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
 /// `e^x` in single precision, to about one unit in the last place; what would overflow, or vanish, stays at
 /// the bound.
 #[inline(always)]
