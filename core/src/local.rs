@@ -6,6 +6,7 @@
 //! its [`hyperparameters`], holds it back from what the probe has swept, and gives a calibrated
 //! standard deviation beside each height: one [`Raised`] for all of it.
 
+mod affine;
 mod doubts;
 pub(crate) mod hyperparameters;
 mod kernel;

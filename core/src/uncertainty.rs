@@ -28,8 +28,8 @@ pub fn propagate(
     for attractor in attractors {
         let Some(nearest) = cloud.nearest(&attractor.point) else { continue };
         for &vertex in ring.around(connectivity, nearest, hops) {
-            let distance_m = (vertices[vertex as usize] - attractor.point).norm();
-            let u = reach.spread(attractor.uncertainty, distance_m);
+            let square_m2 = (vertices[vertex as usize] - attractor.point).norm_squared();
+            let u = reach.spread(attractor.uncertainty, square_m2);
             let least = &mut uncertainty[vertex as usize];
             *least = least.min(u);
         }

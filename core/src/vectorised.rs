@@ -12,6 +12,12 @@ pub(crate) fn widest<R>(work: impl FnOnce() -> R) -> R {
     pulp::Arch::new().dispatch(work)
 }
 
+/// The larger of two numbers that are none of them NaN: one instruction, where the standard library's takes three.
+#[inline(always)]
+pub(crate) fn larger(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
 /// `e^x` in single precision, to about one unit in the last place; what would overflow, or vanish, stays at
 /// the bound.
 #[inline(always)]
@@ -87,6 +93,28 @@ pub(crate) fn ln(x: f64) -> f64 {
     e.mul_add(6.931_471_803_691_238e-1, e.mul_add(1.908_214_929_270_587_7e-10, rest))
 }
 
+/// `ln x` of a positive number that is not subnormal, to within 2e-11: half the work of [`ln`].
+#[inline(always)]
+pub(crate) fn coarse_ln(x: f64) -> f64 {
+    use std::f64::consts::{LN_2, SQRT_2};
+    const MANTISSA: u64 = (1 << 52) - 1;
+    const ONE: u64 = 1.0_f64.to_bits();
+    // A whole number below 2^52 becomes a float by the bits of 2^52 before it.
+    const WHOLE: u64 = 4_503_599_627_370_496.0_f64.to_bits();
+    // x = 2^e m with m from one to two.
+    let bits = x.to_bits();
+    let e = f64::from_bits(bits >> 52 | WHOLE) - (4_503_599_627_370_496.0 + 1023.0);
+    let m = f64::from_bits(bits & MANTISSA | ONE);
+    // ln m = ln √2 + 2 artanh s, by its series.
+    let s = (m - SQRT_2) / (m + SQRT_2);
+    let square = s * s;
+    let mut series = 2.0 / 11.0;
+    for odd in [9.0, 7.0, 5.0, 3.0, 1.0] {
+        series = square.mul_add(series, 2.0 / odd);
+    }
+    e.mul_add(LN_2, s.mul_add(series, 0.5 * LN_2))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -100,10 +128,15 @@ mod tests {
             let positive = (3.0 * x).exp();
             let error = (ln(positive) - positive.ln()).abs();
             assert!(error <= 1e-15 * positive.ln().abs().max(0.1), "ln {positive}");
+            assert!((coarse_ln(positive) - positive.ln()).abs() < 2e-11, "ln {positive}");
         }
         assert_eq!((exp(0.0), exp_f32(0.0), ln(1.0)), (1.0, 1.0, 0.0));
         let near_one = 1.0 + 1e-9_f64;
         assert!((ln(near_one) / near_one.ln() - 1.0).abs() < 1e-15);
+        assert!((1..4096).all(|k| {
+            let x = 1.0 + f64::from(k) / 4096.0;
+            (coarse_ln(x) - x.ln()).abs() < 2e-11
+        }));
         assert!((ln(1e-300) / 1e-300_f64.ln() - 1.0).abs() < 1e-15);
     }
 

@@ -5,32 +5,48 @@
 pub struct Connectivity {
     /// Three vertex indices a face, counter-clockwise seen from outside.
     pub faces: Vec<[u32; 3]>,
-    neighbours: Vec<Vec<u32>>,
-    faces_at: Vec<Vec<u32>>,
+    /// Where the rows of each vertex begin in the two lists below, and where the last ones end.
+    starts: Vec<u32>,
+    neighbours: Vec<u32>,
+    faces_at: Vec<u32>,
 }
 
 impl Connectivity {
     /// The adjacency of the faces of a closed mesh with `vertices` vertices.
     pub fn new(faces: Vec<[u32; 3]>, vertices: usize) -> Self {
-        let mut neighbours = vec![Vec::new(); vertices];
-        let mut faces_at = vec![Vec::new(); vertices];
+        // A vertex of a closed mesh has as many edges as faces.
+        let mut starts = vec![0; vertices + 1];
+        for vertex in faces.iter().flatten() {
+            starts[*vertex as usize + 1] += 1;
+        }
+        for vertex in 0..vertices {
+            starts[vertex + 1] += starts[vertex];
+        }
+        let mut ends = starts.clone();
+        let (mut neighbours, mut faces_at) = (vec![0; 3 * faces.len()], vec![0; 3 * faces.len()]);
         for (face, &[a, b, c]) in faces.iter().enumerate() {
             // Each edge is shared by two faces that walk it in opposite directions.
             for (from, to) in [(a, b), (b, c), (c, a)] {
-                neighbours[from as usize].push(to);
-                faces_at[from as usize].push(face as u32);
+                let end = &mut ends[from as usize];
+                neighbours[*end as usize] = to;
+                faces_at[*end as usize] = face as u32;
+                *end += 1;
             }
         }
-        Self { faces, neighbours, faces_at }
+        Self { faces, starts, neighbours, faces_at }
     }
 
     /// The vertices that share an edge with `vertex`.
     pub fn neighbours(&self, vertex: usize) -> &[u32] {
-        &self.neighbours[vertex]
+        &self.neighbours[self.row(vertex)]
     }
 
     /// The faces that have `vertex` as a corner.
     pub fn faces_at(&self, vertex: usize) -> &[u32] {
-        &self.faces_at[vertex]
+        &self.faces_at[self.row(vertex)]
+    }
+
+    fn row(&self, vertex: usize) -> std::ops::Range<usize> {
+        self.starts[vertex] as usize..self.starts[vertex + 1] as usize
     }
 }

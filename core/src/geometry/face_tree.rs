@@ -3,6 +3,7 @@
 //! with every template.
 
 use super::{ClosestPoint, Point, TriangleMesh, Vector};
+use crate::vectorised::larger;
 
 /// Boxes, or faces, in one larger box.
 const CHILDREN: usize = 4;
@@ -118,7 +119,7 @@ fn squares([low_x, low_y, low_z, high_x, high_y, high_z]: &Boxes, to: &[f64; 3])
     let mut squares = [0.0; CHILDREN];
     for (axis, (low, high)) in [(low_x, high_x), (low_y, high_y), (low_z, high_z)].into_iter().enumerate() {
         for child in 0..CHILDREN {
-            let outside = (low[child] - to[axis]).max(to[axis] - high[child]).max(0.0);
+            let outside = larger(larger(low[child] - to[axis], to[axis] - high[child]), 0.0);
             squares[child] += outside * outside;
         }
     }

@@ -10,11 +10,17 @@ use std::collections::BinaryHeap;
 
 use super::{Connectivity, Point, Ring};
 
+const NOT_YET: u32 = u32::MAX;
+
 /// A search for geodesics over one mesh, reusable from many sources.
 #[derive(Debug)]
 pub struct Geodesics<'a> {
     connectivity: &'a Connectivity,
+    vertices: &'a [Point],
+    /// The faces that a front has come to so far, laid out; few of them are ever needed.
     corners: Vec<[Corner; 3]>,
+    /// For each face its place among those, or [`NOT_YET`].
+    laid_out: Vec<u32>,
     distance_m: Vec<f64>,
     front: BinaryHeap<Front>,
 }
@@ -35,14 +41,12 @@ struct Corner {
 
 impl<'a> Geodesics<'a> {
     /// A search over a mesh's faces with the given vertex positions, in metres.
-    pub fn new(connectivity: &'a Connectivity, vertices: &[Point]) -> Self {
-        let lay_out = |&[a, b, c]: &[u32; 3]| {
-            [(a, b, c), (b, c, a), (c, a, b)]
-                .map(|(corner, first, second)| Corner::new(vertices, corner, first, second))
-        };
+    pub fn new(connectivity: &'a Connectivity, vertices: &'a [Point]) -> Self {
         Self {
             connectivity,
-            corners: connectivity.faces.iter().map(lay_out).collect(),
+            vertices,
+            corners: Vec::new(),
+            laid_out: vec![NOT_YET; connectivity.faces.len()],
             distance_m: vec![f64::INFINITY; vertices.len()],
             front: BinaryHeap::new(),
         }
@@ -61,13 +65,23 @@ impl<'a> Geodesics<'a> {
                 continue;
             }
             for &face in self.connectivity.faces_at(vertex as usize) {
-                for corner in self.corners[face as usize] {
+                for corner in self.corners_of(face as usize) {
                     if corner.vertex != vertex && ring.reached(corner.vertex) {
                         self.relax(&corner, ring, distance_m);
                     }
                 }
             }
         }
+    }
+
+    fn corners_of(&mut self, face: usize) -> [Corner; 3] {
+        if self.laid_out[face] == NOT_YET {
+            let [a, b, c] = self.connectivity.faces[face];
+            let lay_out = |(corner, first, second)| Corner::new(self.vertices, corner, first, second);
+            self.laid_out[face] = self.corners.len() as u32;
+            self.corners.push([(a, b, c), (b, c, a), (c, a, b)].map(lay_out));
+        }
+        self.corners[self.laid_out[face] as usize]
     }
 
     /// The distance found to a vertex of the last search, in metres; infinite where it did not go.

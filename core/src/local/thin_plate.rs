@@ -1,12 +1,17 @@
 //! Local deformation: a thin plate over the template's surface, pinned to the attractors
 //! (Section III-E).
+//!
+//! The plate's weights are orthogonal to all affine functions at the centres, and for such weights the kernel matrix
+//! is positive definite: projected onto them the system has a Cholesky factor.
 
+use faer::linalg::matmul::triangular::{BlockStructure, matmul};
 use faer::linalg::solvers::Solve;
-use faer::{Col, Mat, Side};
+use faer::{Accum, Col, Mat, Par, Side};
 
+use super::affine::Affine;
 use crate::geometry::{Point, Vector};
 use crate::template::Projection;
-use crate::vectorised::{ln, widest};
+use crate::vectorised::{coarse_ln, widest};
 
 /// Coordinates are divided by this before the kernel, in metres.
 const LENGTH_UNIT_M: f64 = 0.05;
@@ -14,9 +19,7 @@ const LENGTH_UNIT_M: f64 = 0.05;
 /// attractors share their place.
 const SMOOTHING: f64 = 1e-3;
 /// Centres whose kernels are evaluated at a time.
-const LANES: usize = 16;
-/// Keeps the system regular when the centres span no volume.
-const POLYNOMIAL_RIDGE: f64 = -1e-9;
+const LANES: usize = 32;
 
 /// A smooth displacement over space, `F` of Section III-E: `Σ w φ(|x - c|) + linear(x)`, with
 /// `φ(r) = r² log r`.
@@ -28,8 +31,9 @@ pub struct ThinPlate {
     residual_m: f64,
 }
 
-/// The coordinates of some centres and their weights. The last ones are filled up with weights of zero.
-type Centres = [[f64; LANES]; 4];
+/// The coordinates of some centres, the squares of their norms, and their weights. The last ones are filled up with
+/// weights of zero.
+type Centres = [[f64; LANES]; 5];
 
 impl ThinPlate {
     /// The plate through the given displacements, at least one.
@@ -39,38 +43,37 @@ impl ThinPlate {
         let origin = Point::from(sum / count.max(1) as f64);
         let centres: Vec<Vector> =
             projections.iter().map(|projection| scaled(&origin, &projection.foot.point.into())).collect();
-        let basis = |row: usize, power: usize| if power == 0 { 1.0 } else { centres[row][power - 1] };
-        // Below its diagonal; it is symmetric.
-        let mut system = Mat::<f64>::zeros(count + 4, count + 4);
-        widest(
-            #[inline(always)]
-            || {
-                for (column, centre) in centres.iter().enumerate() {
-                    let below = &mut system.col_as_slice_mut(column)[column..count];
-                    for (entry, other) in below.iter_mut().zip(&centres[column..]) {
-                        let (dx, dy, dz) = (other.x - centre.x, other.y - centre.y, other.z - centre.z);
-                        *entry = kernel(dx * dx + dy * dy + dz * dz);
-                    }
-                    below[0] = SMOOTHING;
-                }
-            },
-        );
-        for power in 0..4 {
-            (0..count).for_each(|column| system[(count + power, column)] = basis(column, power));
-            system[(count + power, count + power)] = POLYNOMIAL_RIDGE;
-        }
-        let displacement = |row: usize| projections.get(row).map_or(0.0, |p| p.height_m);
-        let factor = system.lblt(Side::Lower);
-        let solution = factor.solve(Col::from_fn(count + 4, displacement));
-        let weights: Vec<f64> = (0..count).map(|row| solution[row]).collect();
+        let heights = Col::from_fn(count, |row| projections[row].height_m);
+        let kernels = kernels(&centres);
+        let affine = Affine::at(&centres);
+        let (basis, of_basis) = (&affine.basis, affine.basis.transpose());
+        // K B, from what lies below the diagonal of K.
+        let mut bent = Mat::zeros(count, basis.ncols());
+        let (whole, below) = (BlockStructure::Rectangular, BlockStructure::TriangularLower);
+        let above = BlockStructure::StrictTriangularUpper;
+        matmul(&mut bent, whole, Accum::Replace, &kernels, below, basis, whole, 1.0, Par::Seq);
+        matmul(&mut bent, whole, Accum::Add, kernels.transpose(), above, basis, whole, 1.0, Par::Seq);
+        // (1 - B Bᵀ) K (1 - B Bᵀ) and the smoothing, which makes it positive definite.
+        let half = &bent - basis * (of_basis * &bent) * faer::Scale(0.5);
+        let mut system = kernels;
+        matmul(&mut system, below, Accum::Add, basis, whole, half.transpose(), whole, -1.0, Par::Seq);
+        matmul(&mut system, below, Accum::Add, &half, whole, of_basis, whole, -1.0, Par::Seq);
+        (0..count).for_each(|at| system[(at, at)] += SMOOTHING);
+        let flat = of_basis * &heights;
+        let mut solution = solved(&system, &heights - basis * &flat);
+        // Orthogonal to the affine functions but for rounding, which this takes away.
+        solution -= basis * (of_basis * &solution);
+        let shares = &flat - bent.transpose() * &solution;
+        let linear = affine.coefficients(shares.iter().copied());
+        let weights: Vec<f64> = solution.iter().copied().collect();
         // The smoothing term is exactly what separates the plate from its data.
         let mean_square = weights.iter().map(|w| (SMOOTHING * w).powi(2)).sum::<f64>() / count.max(1) as f64;
-        let linear = std::array::from_fn(|power| solution[count + power]);
         let block = |from: usize| {
-            let mut block = [[0.0; LANES]; 4];
+            let mut block = [[0.0; LANES]; 5];
             for (lane, row) in (from..count.min(from + LANES)).enumerate() {
                 (0..3).for_each(|axis| block[axis][lane] = centres[row][axis]);
-                block[3][lane] = weights[row];
+                block[3][lane] = centres[row].norm_squared();
+                block[4][lane] = weights[row];
             }
             block
         };
@@ -100,15 +103,17 @@ impl ThinPlate {
     #[inline(always)]
     fn height_m(&self, point: &Point) -> f64 {
         let at = (point - self.origin) / LENGTH_UNIT_M;
+        let (square, [x, y, z]) = (at.norm_squared(), [-2.0 * at.x, -2.0 * at.y, -2.0 * at.z]);
         let mut bending = [0.0; LANES];
-        for [xs, ys, zs, weights] in &self.centres {
+        for [xs, ys, zs, squares, weights] in &self.centres {
             for lane in 0..LANES {
-                let (dx, dy, dz) = (xs[lane] - at.x, ys[lane] - at.y, zs[lane] - at.z);
-                bending[lane] += weights[lane] * kernel(dx * dx + dy * dy + dz * dz);
+                // |x - c|² = |x|² + |c|² - 2 x·c, whose rounding the kernel does not feel.
+                let apart = zs[lane].mul_add(z, squares[lane] + square);
+                let apart = xs[lane].mul_add(x, ys[lane].mul_add(y, apart));
+                bending[lane] = weights[lane].mul_add(kernel(apart), bending[lane]);
             }
         }
-        let flat = self.linear[0] + self.linear[1] * at.x + self.linear[2] * at.y + self.linear[3] * at.z;
-        let mut sum = flat;
+        let mut sum = self.linear[0] + self.linear[1] * at.x + self.linear[2] * at.y + self.linear[3] * at.z;
         for lane in bending {
             sum += lane;
         }
@@ -121,16 +126,42 @@ impl ThinPlate {
     }
 }
 
+/// The kernel of any two centres, below the diagonal; zero on it and above.
+fn kernels(centres: &[Vector]) -> Mat<f64> {
+    let mut kernels = Mat::<f64>::zeros(centres.len(), centres.len());
+    widest(
+        #[inline(always)]
+        || {
+            for (column, centre) in centres.iter().enumerate() {
+                let below = &mut kernels.col_as_slice_mut(column)[column + 1..];
+                for (entry, other) in below.iter_mut().zip(&centres[column + 1..]) {
+                    let (dx, dy, dz) = (other.x - centre.x, other.y - centre.y, other.z - centre.z);
+                    *entry = kernel(dx * dx + dy * dy + dz * dz);
+                }
+            }
+        },
+    );
+    kernels
+}
+
+/// The solution of a positive definite system, of which only what lies below the diagonal is read.
+fn solved(system: &Mat<f64>, right: Col<f64>) -> Col<f64> {
+    match system.llt(Side::Lower) {
+        Ok(factor) => factor.solve(right),
+        // Between centres kilometres apart kernels are so large that the smoothing is lost in their rounding.
+        Err(_) => system.lblt(Side::Lower).solve(right),
+    }
+}
+
 fn scaled(origin: &Point, point: &Point) -> Vector {
     (point - origin) / LENGTH_UNIT_M
 }
 
-/// `r² log r` from `r²`; 0 at 0.
+/// `r² log r` from `r²`; 0 at 0. The logarithm is good to 2e-11, for which a plate moves by nanometres at most.
 #[inline(always)]
 fn kernel(square: f64) -> f64 {
     // A square of nearly zero keeps the logarithm finite, and gives zero all the same.
-    let square = square.max(1e-300);
-    0.5 * square * ln(square)
+    0.5 * square * coarse_ln(square.max(1e-300))
 }
 
 #[cfg(test)]
@@ -173,6 +204,60 @@ mod tests {
         for (query, expected) in queries.iter().zip(expected) {
             assert!((plate.displacement_m(query) - expected).abs() < 1e-9);
         }
+    }
+
+    /// Attractors around an ellipsoid whose heights are `noise_m` off, up and down.
+    fn bumpy(count: u32, noise_m: f64) -> Vec<Projection> {
+        let place = |k: f64| Point::new(0.03 * k.sin() + 0.4, 0.05 * (1.7 * k).cos(), 0.08 * (2.3 * k).sin());
+        let bump = |k: f64| 0.004 * (0.9 * k.sin()).cos() + noise_m * (37.0 * k).sin();
+        (0..count).map(f64::from).map(|k| at(&place(k), bump(k))).collect()
+    }
+
+    #[test]
+    fn heights_are_the_sum_of_the_formula_and_the_plate_solves_its_equations() {
+        for (count, noise_m) in [(3, 0.0), (40, 0.0), (300, 0.0), (300, 0.003)] {
+            let projections = bumpy(count, noise_m);
+            let plate = ThinPlate::fit(&projections);
+            let centres: Vec<(Vector, f64)> = (0..count as usize)
+                .map(|row| {
+                    let (block, lane) = (&plate.centres[row / LANES], row % LANES);
+                    (Vector::new(block[0][lane], block[1][lane], block[2][lane]), block[4][lane])
+                })
+                .collect();
+            let sum = |point: &Point| {
+                let x = scaled(&plate.origin, point);
+                let bending = centres.iter().map(|(centre, weight)| {
+                    let r = (x - centre).norm();
+                    if r > 0.0 { weight * r * r * r.ln() } else { 0.0 }
+                });
+                let [a, b, c, d] = plate.linear;
+                bending.sum::<f64>() + a + b * x.x + c * x.y + d * x.z
+            };
+            let queries: Vec<Point> =
+                bumpy(200, 0.0).iter().map(|p| Point::from(p.foot.point + Vector::repeat(0.001))).collect();
+            let feet: Vec<Point> = projections.iter().map(|p| p.foot.point.into()).collect();
+            for points in [&queries, &feet] {
+                for (found, point) in plate.heights_m(points).iter().zip(points) {
+                    assert!((found - sum(point)).abs() < 1e-8, "{found} for {} with {noise_m}", sum(point));
+                }
+            }
+            // The smoothing's share of each height; and weights are orthogonal to all affine functions.
+            for ((foot, (_, weight)), projection) in feet.iter().zip(&centres).zip(&projections) {
+                assert!((sum(foot) + SMOOTHING * weight - projection.height_m).abs() < 1e-8);
+            }
+            let balance: Vector = centres.iter().map(|(centre, weight)| centre * *weight).sum();
+            assert!(centres.iter().map(|(_, weight)| weight).sum::<f64>().abs() < 1e-12);
+            assert!(balance.norm() < 1e-12, "{balance}");
+        }
+    }
+
+    #[test]
+    fn centres_kilometres_apart_give_a_finite_plate() {
+        let far =
+            |k: f64| at(&Point::new(9e3 * k.sin(), 9e3 * (1.7 * k).cos(), 9e3 * (2.3 * k).sin()), 0.001);
+        let projections: Vec<_> = (0..60).map(f64::from).map(far).collect();
+        let plate = ThinPlate::fit(&projections);
+        assert!((plate.displacement_m(&Point::new(10.0, -20.0, 30.0)) - 0.001).abs() < 1e-3);
     }
 
     #[test]

@@ -5,7 +5,7 @@
 //! too large where little is known. As printed, `y = (x - t) diag(s) R` makes `y y^T` independent of
 //! `R`, so the axes are those of the session's frame; [`Axes::Free`] lets them turn.
 
-use nalgebra::{Rotation3, SVector};
+use nalgebra::{Matrix3, Rotation3, SMatrix, SVector};
 
 use super::adam::Adam;
 use super::patch_frame::{PatchFrame, principal_axis};
@@ -111,10 +111,11 @@ pub fn fit(attractors: &[Attractor], viewpoint: Option<&Point>, axes: Axes) -> E
         Axes::Frame => Rotation3::identity(),
         Axes::Free => initial(attractors, viewpoint).base_from_template,
     };
+    let moments = Moments::of(&points);
     let mut at = Parameters { centre: frame.centre, log_axes: Vector::zeros(), rotation };
     let mut adam = Adam::new(RATE);
     for _ in 0..STEPS {
-        let (_, mut gradient) = at.loss(&points);
+        let mut gradient = at.gradient(&moments);
         if axes == Axes::Frame {
             gradient.fixed_rows_mut::<3>(6).fill(0.0);
         }
@@ -125,7 +126,27 @@ pub fn fit(attractors: &[Attractor], viewpoint: Option<&Point>, axes: Axes) -> E
         semi_axes: at.log_axes.map(f64::exp) * frame.length_m,
         base_from_template: at.rotation,
     };
-    EllipsoidFit { shape, loss: at.loss(&points).0 }
+    EllipsoidFit { shape, loss: at.loss(&points) }
+}
+
+/// What the descent needs of the points: the weighted means of the products of any two of `1, x, y, z, x², y²,
+/// z², xy, xz, yz`. `|y|² - 1` is linear in those ten, so a step costs the same however many points there are.
+struct Moments(SMatrix<f64, TERMS, TERMS>);
+
+const TERMS: usize = 10;
+
+impl Moments {
+    fn of(points: &[(Vector, f64)]) -> Self {
+        let mut sums = SMatrix::<f64, TERMS, TERMS>::zeros();
+        let mut total = 0.0;
+        for (point, weight) in points {
+            let (x, y, z) = (point.x, point.y, point.z);
+            let terms = SVector::from([1.0, x, y, z, x * x, y * y, z * z, x * y, x * z, y * z]);
+            sums.ger(*weight, &terms, &terms, 1.0);
+            total += weight;
+        }
+        Self(sums / total)
+    }
 }
 
 /// Centre and logarithmic semi-axes in lengths of the patch, and the directions of the axes.
@@ -137,22 +158,56 @@ struct Parameters {
 }
 
 impl Parameters {
-    /// The loss, and its gradient by centre, logarithmic semi-axes and a rotation applied on the right,
-    /// `R exp(delta)`.
-    fn loss(&self, points: &[(Vector, f64)]) -> (f64, SVector<f64, 9>) {
+    /// The weighted mean of `(|y|² - 1)²`.
+    fn loss(&self, points: &[(Vector, f64)]) -> f64 {
         let inverse_axes = self.log_axes.map(|p| (-p).exp());
-        let (mut loss, mut gradient, mut total) = (0.0, SVector::zeros(), 0.0);
+        let (mut loss, mut total) = (0.0, 0.0);
         for (point, weight) in points {
             let local = self.rotation.inverse_transform_vector(&(point - self.centre));
-            let y = local.component_mul(&inverse_axes);
-            let residual = y.norm_squared() - 1.0;
-            let slope = 2.0 * y.component_mul(&inverse_axes);
-            let row = stack(&-(self.rotation * slope), &(-2.0 * y.component_mul(&y)), &slope.cross(&local));
+            let residual = local.component_mul(&inverse_axes).norm_squared() - 1.0;
             loss += weight * residual * residual;
-            gradient += row * (2.0 * weight * residual);
             total += weight;
         }
-        (loss / total, gradient / total)
+        loss / total
+    }
+
+    /// Its gradient by centre, logarithmic semi-axes and a rotation applied on the right, `R exp(delta)`.
+    fn gradient(&self, Moments(moments): &Moments) -> SVector<f64, 9> {
+        let (centre, rotation) = (&self.centre, self.rotation.matrix());
+        let inverse_squares = self.log_axes.map(|p| (-2.0 * p).exp());
+        // |y|² - 1 = (x - t)ᵀ A (x - t) - 1, as a sum over the ten terms.
+        let form = rotation * Matrix3::from_diagonal(&inverse_squares) * rotation.transpose();
+        let slope = form * centre;
+        let residual = SVector::<f64, TERMS>::from([
+            centre.dot(&slope) - 1.0,
+            -2.0 * slope.x,
+            -2.0 * slope.y,
+            -2.0 * slope.z,
+            form.m11,
+            form.m22,
+            form.m33,
+            2.0 * form.m12,
+            2.0 * form.m13,
+            2.0 * form.m23,
+        ]);
+        // The means of the residual with 1, with x and with x xᵀ; then about the centre, and in the template's frame.
+        let means = moments * residual;
+        let mean = means[0];
+        let first = Vector::new(means[1], means[2], means[3]);
+        let second = Matrix3::new(
+            means[4], means[7], means[8], //
+            means[7], means[5], means[9], //
+            means[8], means[9], means[6],
+        );
+        let offset = first - centre * mean;
+        let about = second - first * centre.transpose() - centre * offset.transpose();
+        let local = rotation.transpose() * about * rotation;
+        let turning = |a: usize, b: usize| (inverse_squares[a] - inverse_squares[b]) * local[(a, b)];
+        4.0 * stack(
+            &-(form * offset),
+            &-inverse_squares.component_mul(&local.diagonal()),
+            &Vector::new(turning(1, 2), turning(2, 0), turning(0, 1)),
+        )
     }
 
     fn moved(&self, step: &SVector<f64, 9>) -> Self {
@@ -177,6 +232,50 @@ fn stack(a: &Vector, b: &Vector, c: &Vector) -> SVector<f64, 9> {
 mod tests {
     use super::*;
     use serde_json::Value;
+
+    /// The gradient as its formula reads, point by point.
+    fn summed(at: &Parameters, points: &[(Vector, f64)]) -> SVector<f64, 9> {
+        let inverse_axes = at.log_axes.map(|p| (-p).exp());
+        let (mut gradient, mut total) = (SVector::zeros(), 0.0);
+        for (point, weight) in points {
+            let local = at.rotation.inverse_transform_vector(&(point - at.centre));
+            let y = local.component_mul(&inverse_axes);
+            let slope = 2.0 * y.component_mul(&inverse_axes);
+            let row = stack(&-(at.rotation * slope), &(-2.0 * y.component_mul(&y)), &slope.cross(&local));
+            gradient += row * (2.0 * weight * (y.norm_squared() - 1.0));
+            total += weight;
+        }
+        gradient / total
+    }
+
+    #[test]
+    fn the_gradient_from_the_moments_is_the_one_summed_over_the_points() {
+        let points: Vec<(Vector, f64)> = (0..300)
+            .map(|k| {
+                let turn = f64::from(k);
+                let point =
+                    Vector::new(3.0 * turn.sin() - 1.0, (1.7 * turn).cos(), 2.0 * (2.3 * turn).sin() + 4.0);
+                (point, if k % 3 == 0 { 1.0 } else { 0.4 })
+            })
+            .collect();
+        let moments = Moments::of(&points);
+        for size in [0.3, 1.0, 5.0_f64] {
+            let at = Parameters {
+                centre: Vector::new(-0.5, 0.2, 3.0),
+                log_axes: Vector::new(size.ln(), 0.3, -0.2),
+                rotation: Rotation3::new(Vector::new(0.4, -0.7, 0.2)),
+            };
+            let (found, expected) = (at.gradient(&moments), summed(&at, &points));
+            assert!((found - expected).norm() < 1e-12 * expected.norm(), "{found} for {expected}");
+            // And both are the slope of the loss.
+            for parameter in 0..9 {
+                let mut step = SVector::zeros();
+                step[parameter] = 1e-5;
+                let rise = at.moved(&step).loss(&points) - at.moved(&-step).loss(&points);
+                assert!((rise / 2e-5 - found[parameter]).abs() < 1e-6 * expected.norm(), "{parameter}");
+            }
+        }
+    }
 
     #[test]
     fn residuals_agree_with_the_reference_vectors() {

@@ -19,10 +19,10 @@ impl Reach {
         Self { hops: config.propagation_hops, length_m: config.propagation_length_m }
     }
 
-    /// Uncertainty at a distance in metres from an attractor of uncertainty `u`.
-    pub(super) fn spread(&self, u: f64, distance_m: f64) -> f64 {
-        let t = distance_m / self.length_m;
-        1.0 - (1.0 - u) / (1.0 + t * t)
+    /// Uncertainty from an attractor of uncertainty `u`, by the square of the distance in square metres.
+    pub(super) fn spread(&self, u: f64, square_m2: f64) -> f64 {
+        let square = square_m2 / (self.length_m * self.length_m);
+        1.0 - (1.0 - u) / (1.0 + square)
     }
 }
 

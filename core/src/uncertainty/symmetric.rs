@@ -38,7 +38,7 @@ pub(crate) fn lowered_by_symmetry(
         for (other, of_other) in &known {
             let facing = other.normal.dot(&at.normal);
             if facing > 0.0 {
-                let confidence = 1.0 - reach.spread(*of_other, (at.point - other.point).norm());
+                let confidence = 1.0 - reach.spread(*of_other, (at.point - other.point).norm_squared());
                 *u = u.min(1.0 - BY_SYMMETRY * facing * confidence);
             }
         }
