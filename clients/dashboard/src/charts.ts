@@ -23,6 +23,11 @@ const CURVES: Curve[] = [
 const thousandfold = (value: number | undefined) => (value === undefined ? undefined : 1000 * value);
 const HEIGHT = 96;
 
+/** The colour of what is not in front, as the theme has it now. */
+const quiet = () => getComputedStyle(probe).color;
+const probe = h("span", { className: "quiet", hidden: true });
+document.body.append(probe);
+
 export class Charts {
   readonly element = h("div", { className: "charts" });
   onPick?: (revision: number) => void;
@@ -35,8 +40,7 @@ export class Charts {
     const key = crypto.randomUUID();
     for (const curve of CURVES) {
       const holder = h("figure", { className: "chart" }, h("figcaption", {}, `${curve.title}, ${curve.unit}`));
-      const colour = getComputedStyle(document.documentElement).getPropertyValue("--quiet").trim() || "#888";
-      const axis = { stroke: colour, grid: { stroke: "#8883", width: 1 }, ticks: { show: false }, font: "11px system-ui" };
+      const axis = { stroke: quiet, grid: { stroke: "#8883", width: 1 }, ticks: { show: false }, font: "11px system-ui" };
       const plot = new uPlot(
         {
           width: 300,

@@ -68,7 +68,11 @@ export class Legend {
   #choose(): void {
     this.#choice = { quantity: this.#quantity.value as Quantity, palette: this.#palette.value as Palette, isLocked: this.#lock.checked };
     this.#locked = this.#choice.isLocked ? this.#viewers[0]?.range : undefined;
-    localStorage.setItem(KEY, JSON.stringify(this.#choice));
+    try {
+      localStorage.setItem(KEY, JSON.stringify(this.#choice));
+    } catch {
+      // Private windows may forbid it.
+    }
     this.#apply();
     this.onChange?.();
   }

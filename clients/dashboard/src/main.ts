@@ -45,6 +45,14 @@ function open(): void {
 
 const themes = ["auto", "light", "dark"];
 const themeButton = h("button", { type: "button", title: "Light, dark, or as the system has it" });
+function rememberedTheme(): string {
+  try {
+    return localStorage.getItem("palpate-theme") ?? "auto";
+  } catch {
+    return "auto";
+  }
+}
+
 function setTheme(theme: string): void {
   document.documentElement.dataset.theme = theme;
   themeButton.textContent = `◐ ${theme}`;
@@ -56,7 +64,7 @@ function setTheme(theme: string): void {
   }
 }
 themeButton.addEventListener("click", () => setTheme(themes[(themes.indexOf(document.documentElement.dataset.theme ?? "auto") + 1) % themes.length]!));
-setTheme(localStorage.getItem("palpate-theme") ?? "auto");
+setTheme(rememberedTheme());
 
 clear(
   app,

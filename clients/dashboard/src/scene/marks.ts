@@ -1,7 +1,7 @@
 /** What is drawn beside the surface: what was seen, touched and missed, where to touch next, what is forbidden. */
 
 import * as THREE from "three";
-import type { Candidate, Contact, Event, Session, Vector3 } from "../api/client";
+import { contactsOf, type Candidate, type Event, type Session, type Vector3 } from "../api/client";
 import { visualPoints } from "../api/points";
 
 const COLOURS = { seen: 0x22b8cf, touched: 0x1c7ed6, early: 0xf08c00, missed: 0xe03131, next: 0x7048e8, plane: 0x868e96 };
@@ -83,9 +83,8 @@ export function history(events: Event[], revision: number): THREE.Group {
       if (seen.length) group.add(points("disc", COLOURS.seen, 3, seen));
     }
     const result = event.contact_result;
-    const contacts: Contact[] = result?.contact ? [result.contact] : (result?.contacts?.contacts ?? []);
     const early = event.stats_after?.early_contacts ?? 0;
-    for (const contact of contacts) {
+    for (const contact of contactsOf(event)) {
       const place = vector(contact.sensor_pose?.position);
       const kind = doubted.has(event.seq) ? "doubted" : early > before ? "early" : "believed";
       touched[kind].places.push(...place.toArray());

@@ -39,6 +39,8 @@ export class Viewer {
   #geometry = new THREE.BufferGeometry();
   #mesh: THREE.Mesh;
   #layers = new Map<string, THREE.Object3D>();
+  /** Layers that are not shown, whatever is in them. */
+  #hidden = new Set<string>();
   #axes = new THREE.Scene();
   #scale = document.createElement("div");
   #colouring: Colouring = { quantity: "uncertainty", palette: "paper" };
@@ -91,7 +93,7 @@ export class Viewer {
   show(surface: Surface | undefined): void {
     const before = this.surface;
     this.surface = surface;
-    this.#mesh.visible = surface !== undefined;
+    this.#mesh.visible = surface !== undefined && !this.#hidden.has("surface");
     if (surface) {
       const isSame = before?.positions.length === surface.positions.length && sameFaces(before.faces, surface.faces);
       if (isSame) {
@@ -139,6 +141,7 @@ export class Viewer {
       this.#layers.delete(name);
     }
     if (layer) {
+      layer.visible = !this.#hidden.has(name);
       this.#layers.set(name, layer);
       this.#scene.add(layer);
     }
@@ -146,6 +149,8 @@ export class Viewer {
   }
 
   setVisible(name: string, isVisible: boolean): void {
+    if (isVisible) this.#hidden.delete(name);
+    else this.#hidden.add(name);
     const layer = name === "surface" ? this.#mesh : this.#layers.get(name);
     if (layer) layer.visible = isVisible && (name !== "surface" || this.surface !== undefined);
     this.draw();
