@@ -15,6 +15,9 @@ const content = h("div", { id: "content" });
 let page: Page | undefined;
 let where = "";
 
+/** Under which link of the navigation a page is. */
+const SECTIONS: { [page: string]: string | undefined } = { session: "sessions", compare: "sessions", experiment: "experiments" };
+
 function made(): Page {
   const { page: name, ids } = readPlace();
   const [first] = ids;
@@ -40,7 +43,11 @@ function open(): void {
     page = undefined;
     clear(content, explained(error));
   }
-  for (const link of document.querySelectorAll("nav a")) link.toggleAttribute("aria-current", link.getAttribute("href") === `#/${name}`);
+  for (const link of document.querySelectorAll("nav a")) {
+    const isHere = link.getAttribute("href") === `#/${SECTIONS[name] ?? name}` && !link.classList.contains("brand");
+    if (isHere) link.setAttribute("aria-current", "page");
+    else link.removeAttribute("aria-current");
+  }
 }
 
 const themes = ["auto", "light", "dark"];

@@ -32,7 +32,7 @@ export function candidateParts(candidate: api.Candidate): HTMLElement[] {
   return [
     heading(`Next touch, at vertex ${candidate.vertex}`),
     line(`Why: ${candidate.why}.`),
-    line(`${risk}${candidate.sensor_id ? `, pad ${candidate.sensor_id}` : ""}`),
+    line(`${risk}${candidate.sensor_id ? `, with the pad “${candidate.sensor_id}”` : ""}`),
     ...(candidate.terms.length ? [scoreTable(candidate.terms, candidate.score)] : []),
   ];
 }

@@ -4,7 +4,7 @@ import * as api from "../api/client";
 import { readSurface, type Surface } from "../api/glb";
 import { Charts } from "../charts";
 import * as dialogs from "../dialogs";
-import { clear, h, millimetres, plain, share } from "../dom";
+import { clear, dropDown, h, millimetres, plain, share } from "../dom";
 import { explained, tell } from "../errors";
 import { describe } from "../events";
 import { LiveSession } from "../live";
@@ -128,12 +128,12 @@ export class SessionPage implements Page {
       const box = h("input", { type: "checkbox", checked: true, onchange: () => this.#viewer.setVisible(name, box.checked) });
       return h("label", {}, box, label);
     });
-    return h("details", {}, h("summary", {}, "Layers"), h("div", { className: "menu" }, ...boxes));
+    return dropDown("Layers", h("div", { className: "menu" }, ...boxes));
   }
 
   #downloads(id: string): HTMLElement {
     const menu = h("div", { className: "menu" });
-    const details = h("details", {}, h("summary", {}, "Download"), menu);
+    const details = dropDown("Download", menu);
     details.addEventListener("toggle", () => {
       clear(menu, ...api.files(id, this.#shown).map(([name, address]) => h("a", { href: address, download: "" }, name)));
     });
@@ -149,6 +149,8 @@ export class SessionPage implements Page {
       clear(this.#problem, h("div", { className: "error", role: "alert" }, `There is no session ${this.title}. `, h("a", { href: "#/sessions" }, "All sessions")));
       return;
     }
+    if (!this.#live.events.length) return;
+    clear(this.#problem);
     this.#scrubber.max = String(Math.max(revision, 1));
     void this.#update();
     this.#loadSeries();
@@ -227,7 +229,7 @@ export class SessionPage implements Page {
     this.#viewer.show(surface);
     this.#legend.refresh();
     this.#empty.hidden = surface !== undefined;
-    this.#empty.textContent = "Nothing was seen yet. Send what the camera sees: Add view.";
+    this.#empty.textContent = "Nothing was seen yet: send what the camera sees with Add view.";
     const { session, events } = this.#live;
     const key = `${revision} ${events.length}`;
     if (key !== this.#drawn) {
@@ -297,7 +299,7 @@ export class SessionPage implements Page {
       ["attempts", `${stats?.attempts ?? 0}${stop ? ` of ${stop}` : ""}`],
       ["failures", `${stats?.failures ?? 0} (${stats?.no_contacts ?? 0} missed, ${stats?.early_contacts ?? 0} early, ${stats?.invalid_contacts ?? 0} invalid)`],
       ["mean uncertainty", share(stats?.mean_uncertainty)],
-      ["stated deviation", `${millimetres(stats?.mean_std_m)} mean, ${millimetres(stats?.max_std_m)} at most`],
+      ["stated deviation", stats?.mean_std_m ? `${millimetres(stats.mean_std_m)} mean, ${millimetres(stats.max_std_m)} at most` : "–"],
       ["template", stats?.template || "–"],
       ["method", `${plain(session?.config?.method, "METHOD_")}, ${plain(session?.config?.strategy, "STRATEGY_")}`],
       ["frame", session?.frame_id ?? "–"],

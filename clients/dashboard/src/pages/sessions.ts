@@ -34,7 +34,7 @@ export class SessionsPage implements Page {
 
   constructor(experiment?: string) {
     if (experiment) this.#filter.value = experiment;
-    const columns = ["", "Session", "Experiment", "State", "Attempts", "Failures", "Uncertainty", "Deviation", "Last event"];
+    const columns = ["Compare", "Session", "Experiment and labels", "State", "Attempts", "Failures", "Uncertainty", "Deviation", "Last event"];
     this.element.append(
       h("header", { className: "row" }, h("h1", {}, "Sessions"), this.#count, h("span", { className: "grow" }), this.#compare, this.#robot, h("button", { type: "button", className: "primary", onclick: () => dialogs.createSession((id) => (location.hash = linkTo({ page: "session", ids: [id] }))) }, "New session…")),
       this.#filter,
