@@ -24,7 +24,9 @@ mod travel;
 pub use hindsight::{Hindsight, hindsight};
 pub use keep_out::{KeepOut, Region};
 pub use pads::{Approach, MountedPad};
-pub use proposal::{Candidate, Excluded, Proposal, ProposalRequest, SEPARATION_M, ScoreTerm};
+pub use proposal::{
+    Candidate, Excluded, Exclusion, Explained, Proposal, ProposalRequest, SEPARATION_M, ScoreTerm,
+};
 pub use risk::RiskLaw;
 pub use situation::{Deviations, DoubtedTouch, Situation};
 
@@ -38,29 +40,24 @@ pub fn propose(situation: &Situation<'_>, request: &ProposalRequest) -> Proposal
     let mut excluded = Excluded::default();
     let reachable: Vec<u32> = (0..situation.mesh.vertices.len() as u32)
         .filter(|&vertex| {
-            let (place, normal) =
-                (&situation.mesh.vertices[vertex as usize], &situation.normals[vertex as usize]);
-            let (start, end) = situation.probe_segment(vertex as usize);
-            let count = if enters_what_is_kept_out(request, normal, (&start, &end)) {
-                &mut excluded.keep_out
-            } else if is_rejected(situation, place) {
-                &mut excluded.unreachable
-            } else if is_leased(request, place) {
-                &mut excluded.leased
-            } else {
-                return true;
+            let count = match forbidden(situation, request, vertex) {
+                Some(Exclusion::KeepOut) => &mut excluded.keep_out,
+                Some(Exclusion::Unreachable) => &mut excluded.unreachable,
+                Some(Exclusion::Leased) => &mut excluded.leased,
+                _ => return true,
             };
             *count += 1;
             false
         })
         .collect();
     let travel = Travel::new(situation, request);
+    let asked: Vec<u32> = request.asked().iter().copied().filter(|&vertex| situation.has(vertex)).collect();
     let mut ranking = match situation.config.strategy {
-        Strategy::Proactive => proactive::rank(situation, &reachable, travel),
-        Strategy::ExpectedGain => expected_gain::rank(situation, &reachable, travel),
-        Strategy::MinUncertainty => baselines::min_uncertainty(situation, &reachable),
-        Strategy::Uniform => baselines::uniform(situation, &reachable),
-        Strategy::Random => baselines::random(situation, &reachable),
+        Strategy::Proactive => proactive::rank(situation, &reachable, &asked, travel),
+        Strategy::ExpectedGain => expected_gain::rank(situation, &reachable, &asked, travel),
+        Strategy::MinUncertainty => baselines::min_uncertainty(situation, &reachable, &asked),
+        Strategy::Uniform => baselines::uniform(situation, &reachable, &asked),
+        Strategy::Random => baselines::random(situation, &reachable, &asked),
     };
     let chosen = separation::best_apart(situation, &mut ranking.ranked, request.top_k());
     let chosen = chosen.iter().map(|ranked| candidate(situation, request, ranked, &ranking));
@@ -68,7 +65,23 @@ pub fn propose(situation: &Situation<'_>, request: &ProposalRequest) -> Proposal
         again::candidates(situation, request).into_iter().chain(chosen).take(request.top_k()).collect();
     let Excluded { already_certain, no_confident_neighbour, recently_failed, .. } = ranking.excluded;
     let excluded = Excluded { already_certain, no_confident_neighbour, recently_failed, ..excluded };
-    Proposal { candidates, excluded }
+    let explained = ranking.asked.iter().map(|(ranked, exclusion)| {
+        explained(situation, ranked, forbidden(situation, request, ranked.vertex).or(*exclusion))
+    });
+    Proposal { candidates, excluded, explained: explained.collect() }
+}
+
+/// What forbids an approach to a vertex, whatever the strategy.
+fn forbidden(situation: &Situation<'_>, request: &ProposalRequest, vertex: u32) -> Option<Exclusion> {
+    let (place, normal) = (&situation.mesh.vertices[vertex as usize], &situation.normals[vertex as usize]);
+    let (start, end) = situation.probe_segment(vertex as usize);
+    if enters_what_is_kept_out(request, normal, (&start, &end)) {
+        Some(Exclusion::KeepOut)
+    } else if is_rejected(situation, place) {
+        Some(Exclusion::Unreachable)
+    } else {
+        is_leased(request, place).then_some(Exclusion::Leased)
+    }
 }
 
 /// Whether an approach is not to be made: kept out, rejected or promised to another robot.
@@ -126,8 +139,8 @@ fn candidate(
 ) -> Candidate {
     let vertex = ranked.vertex as usize;
     let (probe_start, probe_end) = situation.probe_segment(vertex);
-    let measure = || proactive::Frontier::new(situation).mean_geodesic_m(ranked.vertex);
-    let std_m = situation.deviations.map(|deviations| deviations.std_m[vertex]);
+    let Explained { score, terms, uncertainty, std_m, mean_geodesic_m, failure_risk, .. } =
+        explained(situation, ranked, None);
     Candidate {
         vertex: ranked.vertex,
         point: situation.mesh.vertices[vertex],
@@ -135,13 +148,30 @@ fn candidate(
         probe_start,
         probe_end,
         approach: request.approach(&probe_start, &situation.normals[vertex]),
+        score,
+        terms,
+        uncertainty,
+        std_m,
+        mean_geodesic_m,
+        failure_risk,
+        relaxed: ranking.relaxed,
+        why: (ranking.why)(ranked),
+    }
+}
+
+/// What a vertex's score is made of, and what is known of it.
+fn explained(situation: &Situation<'_>, ranked: &Ranked, excluded: Option<Exclusion>) -> Explained {
+    let vertex = ranked.vertex as usize;
+    let measure = || proactive::Frontier::new(situation).mean_geodesic_m(ranked.vertex);
+    let std_m = situation.deviations.map(|deviations| deviations.std_m[vertex]);
+    Explained {
+        vertex: ranked.vertex,
         score: ranked.score(),
         terms: ranked.terms.clone(),
         uncertainty: situation.uncertainty[vertex],
         std_m,
         mean_geodesic_m: ranked.mean_geodesic_m.or_else(measure).unwrap_or(0.0),
         failure_risk: std_m.map(|std_m| RiskLaw::FITTED.of_failure(situation.config, std_m)),
-        relaxed: ranking.relaxed,
-        why: (ranking.why)(ranked),
+        excluded,
     }
 }

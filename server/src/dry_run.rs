@@ -134,9 +134,11 @@ fn report(request: &v1::ReportContactRequest, limits: &Limits) -> Result<(), Err
 }
 
 fn question(request: &v1::ProposeContactsRequest, limits: &Limits) -> Result<(), Error> {
-    let v1::ProposeContactsRequest { session_id, top_k, robot, lease, request_id } = request;
+    let v1::ProposeContactsRequest { session_id, top_k, robot, lease, request_id, explain_vertices } =
+        request;
     check_ids(session_id, request_id, limits)?;
     let question = from_proto::exploration_request("top_k", *top_k, "robot", robot.as_ref(), limits)?;
+    let question = from_proto::explaining("explain_vertices", explain_vertices.clone(), question, limits)?;
     match *lease {
         None => Ok(()),
         Some(wanted) => from_proto::lease_duration("lease", wanted, "robot", &question, limits).map(drop),

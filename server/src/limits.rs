@@ -72,6 +72,8 @@ pub struct Limits {
     pub contacts: u32,
     /// Candidates in one reply.
     pub top_k: u32,
+    /// Vertices whose score one request asks.
+    pub explained_vertices: usize,
     /// Keep-out regions in one request.
     pub keep_out: usize,
     /// Strategies that one session asks beside its own.
@@ -187,6 +189,7 @@ impl Default for Limits {
             summarized_sessions: 2000,
             contacts: 1000,
             top_k: 64,
+            explained_vertices: 64,
             keep_out: 64,
             shadow: 4,
             pads: 8,

@@ -32,6 +32,7 @@ async fn eventful(caller: &Caller, name: &str) -> v1::Session {
         robot: Some(v1::RobotContext { robot_id: "left".into(), ..Default::default() }),
         lease: Some(palpate_proto::Duration { seconds: 60, nanos: 0 }),
         request_id: "lease".into(),
+        ..Default::default()
     };
     let next = caller.propose(lease).await.unwrap().candidates.remove(0);
     let mut session = caller.get(name).await.unwrap();

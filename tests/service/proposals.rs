@@ -51,6 +51,47 @@ fn check_approach(candidate: &v1::Candidate) {
 }
 
 #[tokio::test]
+async fn the_score_of_any_vertex_is_told_with_what_rules_it_out() {
+    let server = Server::start().await;
+    let caller = server.grpc();
+    let first = caller.begin("ball").await;
+    caller.go_on("ball", first, 2).await;
+    let table = v1::HalfSpace { normal: Some(v1::Vector3 { x: 0.0, y: 0.0, z: 1.0 }), offset_m: 0.29 };
+    let keep_out = vec![v1::KeepOut { shape: Some(Shape::HalfSpace(table)) }];
+    let robot = Some(v1::RobotContext { keep_out, ..Default::default() });
+    let asking = |explain_vertices: Vec<u32>| v1::ProposeContactsRequest {
+        explain_vertices,
+        robot: robot.clone(),
+        ..question("ball", 1)
+    };
+    let best = caller.propose(asking(Vec::new())).await.unwrap().candidates.remove(0);
+    for transport in Transport::BOTH {
+        let caller = server.caller(transport);
+        // The icosphere's vertices lie all over the object.
+        let asked: Vec<u32> = (0..63).chain([best.vertex]).collect();
+        let reply = caller.propose(asking(asked.clone())).await.unwrap();
+        assert_eq!(reply.candidates, std::slice::from_ref(&best), "it changes no proposal");
+        assert!(reply.explained.iter().map(|one| one.vertex).eq(asked));
+        let of_best = reply.explained.last().unwrap();
+        assert_eq!((&of_best.terms, of_best.score), (&best.terms, best.score));
+        assert_eq!((of_best.std_m, of_best.failure_risk), (best.std_m, best.failure_risk));
+        assert_eq!(of_best.excluded(), v1::Exclusion::Unspecified);
+        for reason in [v1::Exclusion::AlreadyCertain, v1::Exclusion::KeepOut] {
+            assert!(reply.explained.iter().any(|one| one.excluded() == reason), "{reason:?}");
+        }
+
+        for (asked, field) in [(vec![0, 2562], "explain_vertices[1]"), (vec![0; 65], "explain_vertices")] {
+            let refused = caller.propose(asking(asked.clone())).await.unwrap_err();
+            assert_eq!((refused.reason.as_str(), refused.fields[0].as_str()), ("FIELD_INVALID", field));
+            let lease = Some(palpate_proto::Duration { seconds: 1, nanos: 0 });
+            let robot = Some(v1::RobotContext { robot_id: "arm".into(), ..Default::default() });
+            let request = v1::ProposeContactsRequest { lease, robot, ..asking(asked) };
+            assert_eq!(caller.propose(request).await.unwrap_err().fields[0], field, "with a lease as well");
+        }
+    }
+}
+
+#[tokio::test]
 async fn asking_changes_nothing() {
     let server = Server::start().await;
     let caller = server.grpc();

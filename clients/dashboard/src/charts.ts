@@ -22,6 +22,13 @@ const CURVES: Curve[] = [
 
 const thousandfold = (value: number | undefined) => (value === undefined ? undefined : 1000 * value);
 const HEIGHT = 96;
+/** Between two marks of the revisions, which are whole numbers. */
+const WHOLE = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
+
+/** The colour of what is not in front, as the theme has it now. */
+const quiet = () => getComputedStyle(probe).color;
+const probe = h("span", { className: "quiet", hidden: true });
+document.body.append(probe);
 
 export class Charts {
   readonly element = h("div", { className: "charts" });
@@ -33,10 +40,10 @@ export class Charts {
 
   constructor() {
     const key = crypto.randomUUID();
+    this.element.append(h("h2", {}, "By revision"));
     for (const curve of CURVES) {
       const holder = h("figure", { className: "chart" }, h("figcaption", {}, `${curve.title}, ${curve.unit}`));
-      const colour = getComputedStyle(document.documentElement).getPropertyValue("--quiet").trim() || "#888";
-      const axis = { stroke: colour, grid: { stroke: "#8883", width: 1 }, ticks: { show: false }, font: "11px system-ui" };
+      const axis = { stroke: quiet, grid: { stroke: "#8883", width: 1 }, ticks: { show: false }, font: "11px system-ui" };
       const plot = new uPlot(
         {
           width: 300,
@@ -44,7 +51,7 @@ export class Charts {
           legend: { show: false },
           cursor: { sync: { key }, y: false },
           scales: { x: { time: false } },
-          axes: [{ ...axis, size: 22 }, { ...axis, size: 40 }],
+          axes: [{ ...axis, size: 22, incrs: WHOLE }, { ...axis, size: 40 }],
           series: [{}, { stroke: curve.colour, width: 1.5, points: { show: false }, spanGaps: true }],
           hooks: { draw: [(drawn) => this.#markRevision(drawn)] },
         },

@@ -23,6 +23,21 @@ export const clear = (element: Element, ...children: Child[]) => {
   element.replaceChildren(...children.filter((child) => child !== undefined && child !== false).map((child) => child instanceof Node ? child : String(child)));
 };
 
+/** A button that opens a menu, which closes with Escape or when one goes elsewhere. */
+export function dropDown(label: string, menu: HTMLElement): HTMLDetailsElement {
+  const summary = h("summary", {}, label);
+  const details = h("details", {}, summary, menu);
+  details.addEventListener("keydown", (event) => {
+    if (event.key !== "Escape" || !details.open) return;
+    details.open = false;
+    summary.focus();
+  });
+  details.addEventListener("focusout", ({ relatedTarget }) => {
+    if (relatedTarget instanceof Node && !details.contains(relatedTarget)) details.open = false;
+  });
+  return details;
+}
+
 /** A length in the unit that people read. */
 export const millimetres = (metres: number | undefined, digits = 1) =>
   metres === undefined ? "–" : `${(1000 * metres).toFixed(digits)} mm`;

@@ -2,6 +2,7 @@
 
 import { type Palette, strip } from "./colours";
 import { clear, h } from "./dom";
+import { COLOURS } from "./scene/marks";
 import type { Colouring, Quantity, Viewer } from "./scene/viewer";
 
 const KEY = "palpate-colours";
@@ -19,6 +20,26 @@ function remembered(): Choice {
   } catch {
     return { quantity: "uncertainty", palette: "paper", isLocked: false };
   }
+}
+
+/** What the marks of the view mean. */
+const MARKS: [keyof typeof COLOURS, string, string][] = [
+  ["seen", "●", "seen"],
+  ["touched", "●", "touched"],
+  ["touched", "○", "doubted"],
+  ["early", "●", "touched early"],
+  ["missed", "✕", "missed"],
+  ["next", "➤", "next"],
+];
+
+/** The key to the marks; colours are set as properties, which the page's policy allows and attributes it does not. */
+export function keyToMarks(): HTMLElement {
+  const entries = MARKS.map(([name, sign, meaning]) => {
+    const mark = h("span", { "aria-hidden": "true" }, sign);
+    mark.style.color = `#${COLOURS[name].toString(16).padStart(6, "0")}`;
+    return h("li", {}, mark, meaning);
+  });
+  return h("ul", { className: "key", "aria-label": "Marks" }, ...entries);
 }
 
 export class Legend {
@@ -41,7 +62,7 @@ export class Legend {
     this.#lock = h("input", { type: "checkbox", onchange: () => this.#choose() });
     this.#quantity.value = this.#choice.quantity;
     this.#palette.value = this.#choice.palette;
-    this.element.append(h("div", { className: "row" }, this.#quantity, this.#palette, h("label", { title: "Keep this range of colours" }, this.#lock, "lock")), this.#bar, this.#ends, this.#value);
+    this.element.append(h("div", { className: "row" }, this.#quantity, this.#palette, h("label", { title: "Keep this range of colours" }, this.#lock, "lock")), this.#bar, this.#ends, this.#value, keyToMarks());
     this.#apply();
   }
 
@@ -68,7 +89,11 @@ export class Legend {
   #choose(): void {
     this.#choice = { quantity: this.#quantity.value as Quantity, palette: this.#palette.value as Palette, isLocked: this.#lock.checked };
     this.#locked = this.#choice.isLocked ? this.#viewers[0]?.range : undefined;
-    localStorage.setItem(KEY, JSON.stringify(this.#choice));
+    try {
+      localStorage.setItem(KEY, JSON.stringify(this.#choice));
+    } catch {
+      // Private windows may forbid it.
+    }
     this.#apply();
     this.onChange?.();
   }

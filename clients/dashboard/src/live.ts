@@ -89,8 +89,9 @@ export class LiveSession {
 
   #failed(error?: unknown): void {
     if (this.#isClosed) return;
-    if (error instanceof api.Refused && error.status === 404) return this.#tell("gone");
-    this.#tell(this.events.length ? "reconnecting" : "connecting");
+    const isGone = error instanceof api.Refused && error.status === 404;
+    this.#tell(isGone ? "gone" : this.events.length ? "reconnecting" : "connecting");
+    // One that is not there may be created yet.
     const pause = PAUSES[Math.min(this.#tries++, PAUSES.length - 1)]!;
     this.#timer = window.setTimeout(() => void this.#resume(), pause * (0.75 + 0.5 * Math.random()));
   }

@@ -15,6 +15,9 @@ const content = h("div", { id: "content" });
 let page: Page | undefined;
 let where = "";
 
+/** Under which link of the navigation a page is. */
+const SECTIONS: { [page: string]: string | undefined } = { session: "sessions", compare: "sessions", experiment: "experiments" };
+
 function made(): Page {
   const { page: name, ids } = readPlace();
   const [first] = ids;
@@ -40,11 +43,23 @@ function open(): void {
     page = undefined;
     clear(content, explained(error));
   }
-  for (const link of document.querySelectorAll("nav a")) link.toggleAttribute("aria-current", link.getAttribute("href") === `#/${name}`);
+  for (const link of document.querySelectorAll("nav a")) {
+    const isHere = link.getAttribute("href") === `#/${SECTIONS[name] ?? name}` && !link.classList.contains("brand");
+    if (isHere) link.setAttribute("aria-current", "page");
+    else link.removeAttribute("aria-current");
+  }
 }
 
 const themes = ["auto", "light", "dark"];
 const themeButton = h("button", { type: "button", title: "Light, dark, or as the system has it" });
+function rememberedTheme(): string {
+  try {
+    return localStorage.getItem("palpate-theme") ?? "auto";
+  } catch {
+    return "auto";
+  }
+}
+
 function setTheme(theme: string): void {
   document.documentElement.dataset.theme = theme;
   themeButton.textContent = `◐ ${theme}`;
@@ -56,7 +71,7 @@ function setTheme(theme: string): void {
   }
 }
 themeButton.addEventListener("click", () => setTheme(themes[(themes.indexOf(document.documentElement.dataset.theme ?? "auto") + 1) % themes.length]!));
-setTheme(localStorage.getItem("palpate-theme") ?? "auto");
+setTheme(rememberedTheme());
 
 clear(
   app,

@@ -1,45 +1,20 @@
 // The page in a real browser, against a real server with a simulated robot at work.
 
 import assert from "node:assert/strict";
-import { after, before, beforeEach, afterEach, test } from "node:test";
+import { beforeEach, test } from "node:test";
 import { createServer } from "node:http";
 import { mkdtempSync, rmSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { tmpdir } from "node:os";
-import { Server, drawn, launch, until } from "./harness.mjs";
+import { VIEWPOINT, cap, ply } from "./files.mjs";
+import { drawn, stage, until } from "./harness.mjs";
 
-let browser, server, page, complaints;
+const on = stage((server) => server.explore("bottle", 12, ["--pad", "flat", "--out", "bottle.ply"]));
+const { shown, open } = on;
+let server, page;
 
-before(async () => {
-  browser = await launch();
-  server = await Server.start();
-  await server.explore("bottle", 12, ["--pad", "flat", "--out", "bottle.ply"]);
-});
+beforeEach(() => ({ server, page } = on));
 
-after(async () => {
-  await browser?.close();
-  await server?.stop();
-});
-
-beforeEach(async () => {
-  page = await browser.newPage({ viewport: { width: 1280, height: 800 } });
-  complaints = [];
-  page.on("pageerror", (error) => complaints.push(String(error)));
-  page.on("console", (message) => {
-    // A browser says by itself when a server is gone or refuses; everything else is a fault.
-    if (message.type() === "error" && !/Failed to load resource|ERR_|EventSource|blocked by CORS/.test(message.text())) complaints.push(message.text());
-  });
-});
-
-afterEach(async () => {
-  await page.close();
-  // A test that failed between a kill and a restart is the only one that fails.
-  if (!server.isRunning()) await server.run();
-  assert.deepEqual(complaints, [], "the browser complained");
-});
-
-const shown = () => page.locator("main.session").getAttribute("data-revision").then(Number);
-const open = (hash) => page.goto(`${server.url}/${hash}`);
 const id = async () => (await server.newest()).session_id;
 
 test("the surface is visible, red where nothing was seen, and a permalink leads to the same view", async () => {
@@ -51,9 +26,10 @@ test("the surface is visible, red where nothing was seen, and a permalink leads 
   await open(`#/session/${session}?revision=2`);
   await page.reload();
   await until("revision 2", async () => (await shown()) === 2);
-  const first = await drawn(page);
-  assert.notEqual(first.hash, newest.hash, "another revision looks otherwise");
-  assert.ok(first.red - first.green > newest.red - newest.green, `${JSON.stringify(first)} is redder than ${JSON.stringify(newest)}`);
+  await until("it looks otherwise, and redder", async () => {
+    const first = await drawn(page);
+    return first.share > 0.05 && first.hash !== newest.hash && first.red - first.green > newest.red - newest.green;
+  });
   await until("the first camera is in the address", () => page.url().includes("camera="));
   const stood = page.url();
   await page.getByRole("button", { name: "Top" }).click();
@@ -119,8 +95,15 @@ test("a vertex and a next touch say what they are", async () => {
   await page.getByLabel("seen and touched").uncheck();
   const box = await page.locator(".view canvas").boundingBox();
   await page.mouse.click(box.x + box.width / 2, box.y + box.height / 2);
-  await until("the vertex", async () => /Vertex \d+ at .* mm/.test(await page.locator(".picked").innerText()));
+  await until("the vertex", async () => /Vertex \d+ at revision \d+\s+at .* mm/.test(await page.locator(".picked").innerText()));
   assert.match(await page.locator(".picked").innerText(), /uncertainty \d\.\d\d, stated deviation .* mm[\s\S]*nearest attractor/);
+  await until("what its score is made of", async () => /(It can be proposed|It is no candidate)[\s\S]*geodesic[\s\S]*uncertainty[\s\S]*score/.test(await page.locator(".picked").innerText()));
+  // The best next touch says why it is the best, with the same terms.
+  const { candidates } = await server.ask(`/v1/sessions/${await id()}/candidates`, { top_k: 1 });
+  await page.getByRole("button", { name: /^Next touch 1/ }).click();
+  const text = await until("why", async () => ((text) => text.includes("Why: ") && text)(await page.locator(".picked").innerText()));
+  assert.ok(text.includes(`vertex ${candidates[0].vertex}`) && text.includes("risk of failure"), text);
+  assert.ok(text.includes(candidates[0].score.toFixed(2)), text);
 });
 
 test("sessions are listed with their progress, filtered and compared", async () => {
@@ -143,15 +126,7 @@ test("sessions are listed with their progress, filtered and compared", async () 
 test("a session is created, gets a view from a file, is forked, corrected, finished and deleted", async () => {
   const folder = mkdtempSync(join(tmpdir(), "palpate-view-"));
   const file = join(folder, "patch.ply");
-  const points = [];
-  for (let ring = 1; ring <= 8; ring++) {
-    for (let step = 0; step < 24; step++) {
-      const [polar, turn] = [(0.9 * ring) / 8, (2 * Math.PI * step) / 24];
-      points.push([0.5 + 0.04 * Math.sin(polar) * Math.cos(turn), 0.04 * Math.sin(polar) * Math.sin(turn), 0.1 + 0.04 * Math.cos(polar)]);
-    }
-  }
-  const header = `ply\nformat ascii 1.0\nelement vertex ${points.length}\nproperty float x\nproperty float y\nproperty float z\nend_header\n`;
-  writeFileSync(file, header + points.map((point) => point.map((x) => x.toFixed(6)).join(" ")).join("\n") + "\n");
+  writeFileSync(file, ply(cap()));
 
   await open("");
   await page.getByRole("button", { name: "New session" }).click();
@@ -167,7 +142,7 @@ test("a session is created, gets a view from a file, is forked, corrected, finis
 
   await page.getByRole("button", { name: "Add view" }).click();
   await dialog.getByLabel("File").setInputFiles(file);
-  await dialog.getByLabel("Camera's place").fill("0.5 0 0.6");
+  await dialog.getByLabel("Camera's place").fill(VIEWPOINT);
   await dialog.getByRole("button", { name: "Send" }).click();
   await until("a surface", async () => (await drawn(page)).share > 0.03);
 

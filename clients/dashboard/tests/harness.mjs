@@ -1,10 +1,12 @@
 // A real server, a simulated robot, and a real browser that looks at them.
 
+import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
 import { existsSync, mkdtempSync, rmSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { createServer } from "node:net";
+import { after, afterEach, before, beforeEach } from "node:test";
 import { chromium } from "playwright-core";
 
 export const program = process.env.PALPATE_BINARY;
@@ -109,10 +111,89 @@ export class Server {
   }
 }
 
-/** How much of the view is drawn, and how: the share of its middle that is not background, and its mean colour. */
-export async function drawn(page, selector = ".view canvas") {
-  return page.evaluate((selector) => {
-    const canvas = document.querySelector(selector);
+/** A browser and a server for the tests of a file, and a fresh page for each, in which nothing may go wrong.
+ * What all of them look at is made by `prepare`. */
+export function stage(prepare = async () => {}) {
+  const on = {
+    /** The revision that the page shows. */
+    shown: () => on.page.locator("main.session").getAttribute("data-revision").then(Number),
+    open: (hash) => on.page.goto(`${on.server.url}/${hash}`),
+  };
+  let complaints;
+  before(async () => {
+    on.browser = await launch();
+    on.server = await Server.start();
+    await prepare(on.server);
+  });
+  after(async () => {
+    await on.browser?.close();
+    await on.server?.stop();
+  });
+  beforeEach(async () => {
+    on.page = await on.browser.newPage({ viewport: { width: 1280, height: 800 } });
+    complaints = [];
+    on.page.on("pageerror", (error) => complaints.push(String(error)));
+    on.page.on("console", (message) => {
+      // A browser says by itself when a server is gone or refuses; everything else is a fault.
+      if (message.type() === "error" && !/Failed to load resource|ERR_|EventSource|blocked by CORS/.test(message.text())) complaints.push(message.text());
+    });
+  });
+  afterEach(async () => {
+    await on.page.close();
+    // A test that failed between a kill and a restart is the only one that fails.
+    if (!on.server.isRunning()) await on.server.run();
+    assert.deepEqual(complaints, [], "the browser complained");
+  });
+  return on;
+}
+
+/** Leaves only some of the layers of the view: "surface", "seen and touched", "next touches", "table, keep-out", "reference". */
+export async function onlyLayers(page, ...names) {
+  const layers = page.locator(".view-tools details");
+  await layers.evaluate((details) => (details.open = true));
+  for (const label of await layers.locator("label").all()) await label.getByRole("checkbox").setChecked(names.includes(await label.innerText()));
+  await layers.evaluate((details) => (details.open = false));
+}
+
+/** The spots of one colour in the view, each with how many pixels it has and whether its middle is of that colour. */
+export async function spots(page, [red, green, blue]) {
+  return page.evaluate(([red, green, blue]) => {
+    const canvas = document.querySelector(".view canvas");
+    const copy = document.createElement("canvas");
+    const { width, height } = Object.assign(copy, { width: canvas.width, height: canvas.height });
+    const context = copy.getContext("2d", { willReadFrequently: true });
+    context.drawImage(canvas, 0, 0);
+    const { data } = context.getImageData(0, 0, width, height);
+    const isOf = (at) => Math.abs(data[4 * at] - red) + Math.abs(data[4 * at + 1] - green) + Math.abs(data[4 * at + 2] - blue) < 60 && data[4 * at + 3] > 200;
+    const seen = new Uint8Array(width * height);
+    const found = [];
+    for (let start = 0; start < seen.length; start++) {
+      if (seen[start] || !isOf(start)) continue;
+      let [pixels, x, y] = [0, 0, 0];
+      const waiting = [start];
+      seen[start] = 1;
+      while (waiting.length) {
+        const at = waiting.pop();
+        pixels++;
+        x += at % width;
+        y += Math.floor(at / width);
+        for (const next of [at - 1, at + 1, at - width, at + width, at - width - 1, at - width + 1, at + width - 1, at + width + 1]) {
+          if (next >= 0 && next < seen.length && !seen[next] && isOf(next)) {
+            seen[next] = 1;
+            waiting.push(next);
+          }
+        }
+      }
+      if (pixels > 8) found.push({ pixels, isFilled: isOf(Math.round(y / pixels) * width + Math.round(x / pixels)) });
+    }
+    return found;
+  }, [red, green, blue]);
+}
+
+/** How much of the view is drawn, and how: the share of its middle that is at least as opaque, and its mean colour. */
+export async function drawn(page, opacity = 0.5) {
+  return page.evaluate((opacity) => {
+    const canvas = document.querySelector(".view canvas");
     const copy = document.createElement("canvas");
     [copy.width, copy.height] = [canvas.width, canvas.height];
     const context = copy.getContext("2d", { willReadFrequently: true });
@@ -121,7 +202,7 @@ export async function drawn(page, selector = ".view canvas") {
     const { data } = context.getImageData(x, y, 2 * x, 2 * y);
     let [count, red, green, blue, hash] = [0, 0, 0, 0, 0];
     for (let at = 0; at < data.length; at += 4) {
-      if (data[at + 3] < 128) continue;
+      if (data[at + 3] <= 255 * opacity) continue;
       count++;
       red += data[at];
       green += data[at + 1];
@@ -129,5 +210,5 @@ export async function drawn(page, selector = ".view canvas") {
       hash = (31 * hash + data[at] + 7 * data[at + 1] + 13 * data[at + 2]) | 0;
     }
     return { share: (4 * count) / data.length, red: red / count, green: green / count, blue: blue / count, hash };
-  }, selector);
+  }, opacity);
 }

@@ -5,7 +5,7 @@ use rand::RngExt;
 use rand::seq::SliceRandom;
 
 use super::failures;
-use super::proposal::{Excluded, ScoreTerm};
+use super::proposal::{Excluded, Exclusion, ScoreTerm};
 use super::ranking::{Ranked, Ranking};
 use super::rng::{Use, generator};
 use super::situation::Situation;
@@ -13,24 +13,34 @@ use crate::config::ATTEMPTS;
 use crate::geometry::Vector;
 
 /// The vertex of the highest uncertainty; ties by the seeded generator (Section IV-B, minU).
-pub(super) fn min_uncertainty(situation: &Situation<'_>, reachable: &[u32]) -> Ranking<'static> {
-    let (mut order, recently_failed) = if situation.config.method.baseline_leaves_out_failures() {
+pub(super) fn min_uncertainty(
+    situation: &Situation<'_>,
+    reachable: &[u32],
+    asked: &[u32],
+) -> Ranking<'static> {
+    let leaves_out_failures = situation.config.method.baseline_leaves_out_failures();
+    let (mut order, recently_failed) = if leaves_out_failures {
         failures::leave_out_taboo(situation, reachable)
     } else {
         (reachable.to_vec(), 0)
     };
     order.shuffle(&mut generator(situation.config.seed, Use::Ties, situation.ledger.tallies.attempts));
-    let ranking = by_value(
+    let mut ranking = by_value(
         order,
+        asked,
         "uncertainty",
         |vertex| situation.uncertainty[vertex as usize],
         |value| format!("uncertainty {value:.2}, the highest of the surface"),
     );
+    for (offered, exclusion) in &mut ranking.asked {
+        let is_taboo = leaves_out_failures && failures::is_taboo(situation, offered.vertex);
+        *exclusion = is_taboo.then_some(Exclusion::RecentlyFailed);
+    }
     Ranking { excluded: Excluded { recently_failed, ..ranking.excluded }, ..ranking }
 }
 
 /// Evenly spread directions from the template's centre, fixed before the first touch.
-pub(super) fn uniform(situation: &Situation<'_>, reachable: &[u32]) -> Ranking<'static> {
+pub(super) fn uniform(situation: &Situation<'_>, reachable: &[u32], asked: &[u32]) -> Ranking<'static> {
     let count = situation.config.stop.max_attempts.unwrap_or(ATTEMPTS).max(1);
     let mut order: Vec<u32> = (0..count).collect();
     order.shuffle(&mut generator(situation.config.seed, Use::Directions, 0));
@@ -38,6 +48,7 @@ pub(super) fn uniform(situation: &Situation<'_>, reachable: &[u32]) -> Ranking<'
     let direction = fibonacci_direction(order[number as usize], count);
     by_value(
         reachable.to_vec(),
+        asked,
         "alignment",
         |vertex| {
             let offset = situation.mesh.vertices[vertex as usize] - situation.centre;
@@ -48,7 +59,7 @@ pub(super) fn uniform(situation: &Situation<'_>, reachable: &[u32]) -> Ranking<'
 }
 
 /// Any point of the surface, by area.
-pub(super) fn random(situation: &Situation<'_>, reachable: &[u32]) -> Ranking<'static> {
+pub(super) fn random(situation: &Situation<'_>, reachable: &[u32], asked: &[u32]) -> Ranking<'static> {
     let mut random = generator(situation.config.seed, Use::Picks, situation.ledger.tallies.attempts);
     // The largest of u^(1/area) is a draw weighted by area, and so is each that follows it.
     let areas = situation.mesh.vertex_areas();
@@ -58,6 +69,7 @@ pub(super) fn random(situation: &Situation<'_>, reachable: &[u32]) -> Ranking<'s
         .collect();
     by_value(
         reachable.to_vec(),
+        asked,
         "draw",
         |vertex| draws[vertex as usize],
         |_| "drawn at random, by area".into(),
@@ -76,6 +88,7 @@ fn fibonacci_direction(index: u32, count: u32) -> Vector {
 /// Ranks vertices by one value, the highest first; equal values keep the order that is given.
 fn by_value(
     vertices: Vec<u32>,
+    asked: &[u32],
     term: &'static str,
     value: impl Fn(u32) -> f64,
     why: impl Fn(f64) -> String + 'static,
@@ -84,9 +97,10 @@ fn by_value(
         let terms = vec![ScoreTerm { term, weight: 1.0, value: value(vertex) }];
         Ranked { vertex, terms, mean_geodesic_m: None }
     };
+    let asked = asked.iter().map(|&vertex| (offer(vertex), None)).collect();
     let mut ranked: Vec<Ranked> = vertices.into_iter().map(offer).collect();
     ranked.sort_by(|a, b| b.score().total_cmp(&a.score()));
     let why = Box::new(move |ranked: &Ranked| why(ranked.score()));
     let ranked = Box::new(ranked.into_iter());
-    Ranking { ranked, relaxed: false, excluded: Excluded::default(), why }
+    Ranking { ranked, relaxed: false, excluded: Excluded::default(), asked, why }
 }

@@ -9,7 +9,7 @@
 //! It is as cautious as the proactive strategy: no further than next to what is confident.
 
 use super::failures;
-use super::proposal::{Excluded, ScoreTerm};
+use super::proposal::{Excluded, Exclusion, ScoreTerm};
 use super::ranking::{Ranked, Ranking};
 use super::risk::RiskLaw;
 use super::situation::{Deviations, Situation};
@@ -27,7 +27,12 @@ const CONTACT_WEIGHT: f64 = 2.0;
 const NOISE_M: f64 = 0.001;
 
 /// Ranks an even selection of the reachable vertices.
-pub(super) fn rank(situation: &Situation<'_>, reachable: &[u32], travel: Option<Travel>) -> Ranking<'static> {
+pub(super) fn rank(
+    situation: &Situation<'_>,
+    reachable: &[u32],
+    asked: &[u32],
+    travel: Option<Travel>,
+) -> Ranking<'static> {
     let (mut free, recently_failed) = failures::leave_out_taboo(situation, reachable);
     let mut excluded = Excluded { recently_failed, ..Excluded::default() };
     let is_trusted =
@@ -42,7 +47,6 @@ pub(super) fn rank(situation: &Situation<'_>, reachable: &[u32], travel: Option<
     let points: Vec<_> = free.iter().map(at).collect();
     let places: Vec<u32> =
         farthest_point_sampling(&points, COMPARED).into_iter().map(|place| free[place]).collect();
-    let gains = expected_gains(situation, &places);
     let offer = |(&vertex, gain): (&u32, f64)| {
         let risk = situation
             .deviations
@@ -58,9 +62,22 @@ pub(super) fn rank(situation: &Situation<'_>, reachable: &[u32], travel: Option<
         terms.extend(travel.map(|travel| travel.term(situation, vertex)));
         Ranked { vertex, terms, mean_geodesic_m: None }
     };
-    let mut ranked: Vec<Ranked> = places.iter().zip(gains).map(offer).collect();
+    let offers = |vertices: &[u32]| -> Vec<Ranked> {
+        vertices.iter().zip(expected_gains(situation, vertices)).map(offer).collect()
+    };
+    let exclusion = |vertex: u32| {
+        if failures::is_taboo(situation, vertex) {
+            Some(Exclusion::RecentlyFailed)
+        } else if !relaxed && !is_trusted(vertex) {
+            Some(Exclusion::NoConfidentNeighbour)
+        } else {
+            (!places.contains(&vertex)).then_some(Exclusion::NotCompared)
+        }
+    };
+    let asked = offers(asked).into_iter().zip(asked.iter().map(|&vertex| exclusion(vertex))).collect();
+    let mut ranked = offers(&places);
     ranked.sort_by(|a, b| b.score().total_cmp(&a.score()));
-    Ranking { ranked: Box::new(ranked.into_iter()), relaxed, excluded, why: Box::new(explain) }
+    Ranking { ranked: Box::new(ranked.into_iter()), relaxed, excluded, asked, why: Box::new(explain) }
 }
 
 /// For each of some vertices the share of the surface's variance that a touch there is expected

@@ -7,7 +7,7 @@
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-use super::proposal::{Excluded, ScoreTerm};
+use super::proposal::{Excluded, Exclusion, ScoreTerm};
 use super::ranking::{Ranked, Ranking, total};
 use super::situation::Situation;
 use super::travel::Travel;
@@ -21,7 +21,12 @@ const RELAXATION: f64 = 0.8;
 const LEAST_THRESHOLD: f64 = 1e-3;
 
 /// Ranks the reachable vertices by `a_G G + a_U U`, Eq. (3).
-pub(super) fn rank<'a>(situation: &Situation<'a>, reachable: &[u32], travel: Option<Travel>) -> Ranking<'a> {
+pub(super) fn rank<'a>(
+    situation: &Situation<'a>,
+    reachable: &[u32],
+    asked: &[u32],
+    travel: Option<Travel>,
+) -> Ranking<'a> {
     let (free, recently_failed) = failures::leave_out_taboo(situation, reachable);
     let mut excluded = Excluded { recently_failed, ..Excluded::default() };
     let uncertainty = |vertex: u32| situation.uncertainty[vertex as usize];
@@ -40,11 +45,25 @@ pub(super) fn rank<'a>(situation: &Situation<'a>, reachable: &[u32], travel: Opt
         threshold *= RELAXATION;
         chosen = feasible(threshold);
     }
-    if chosen.is_empty() {
+    let is_nothing_left = chosen.is_empty();
+    if is_nothing_left {
         chosen = free;
     }
+    let exclusion = |vertex: u32| {
+        if failures::is_taboo(situation, vertex) {
+            Some(Exclusion::RecentlyFailed)
+        } else if is_nothing_left {
+            None
+        } else if uncertainty(vertex) < threshold {
+            Some(Exclusion::AlreadyCertain)
+        } else {
+            (!situation.has_confident_neighbour(vertex)).then_some(Exclusion::NoConfidentNeighbour)
+        }
+    };
     let why = Box::new(move |ranked: &Ranked| explain(ranked, relaxed.then_some(threshold)));
-    Ranking { ranked: Box::new(BestFirst::new(frontier, chosen, travel)), relaxed, excluded, why }
+    let mut best_first = BestFirst::new(frontier, chosen, travel);
+    let asked = asked.iter().map(|&vertex| (best_first.measured(vertex), exclusion(vertex))).collect();
+    Ranking { ranked: Box::new(best_first), relaxed, excluded, asked, why }
 }
 
 /// The feasible vertices by their score, the best first.
@@ -85,6 +104,11 @@ impl<'a> BestFirst<'a> {
             ranking.waiting.push(Scored { score, measured, vertex });
         }
         ranking
+    }
+
+    fn measured(&mut self, vertex: u32) -> Ranked {
+        let mean_geodesic_m = self.frontier.mean_geodesic_m(vertex);
+        Ranked { vertex, terms: self.terms(vertex, mean_geodesic_m.unwrap_or(0.0)), mean_geodesic_m }
     }
 
     /// The terms of Eq. (3), and those that a method adds.

@@ -21,6 +21,7 @@ pub struct ProposalRequest {
     hand: Hand,
     tool: Option<Point>,
     leased: Vec<Point>,
+    asked: Vec<u32>,
     /// The frame of regions, leased places and tool; the hand's is always the session's.
     frame: WorkFrame,
 }
@@ -68,9 +69,19 @@ impl ProposalRequest {
         Ok(Self { tool: Some(tool), ..self })
     }
 
+    /// The same with the score of these vertices of the estimate, whether they can be proposed or not.
+    pub fn explaining(self, asked: Vec<u32>) -> Self {
+        Self { asked, ..self }
+    }
+
     /// How many candidates at most.
     pub fn top_k(&self) -> usize {
         self.top_k
+    }
+
+    /// The vertices whose score is asked.
+    pub fn asked(&self) -> &[u32] {
+        &self.asked
     }
 
     /// Where the probe must not go.
@@ -119,6 +130,7 @@ impl ProposalRequest {
             hand: self.hand.clone(),
             tool: self.tool.as_ref().map(|tool| frame.exact_point(tool)),
             leased: self.leased.iter().map(|place| frame.exact_point(place)).collect(),
+            asked: self.asked.clone(),
             frame: *frame,
         }
     }
@@ -131,6 +143,8 @@ pub struct Proposal {
     pub candidates: Vec<Candidate>,
     /// How many vertices were left out, each for its first reason.
     pub excluded: Excluded,
+    /// The vertices whose score was asked, in that order, as far as the mesh has them.
+    pub explained: Vec<Explained>,
 }
 
 /// How many vertices were left out for which reason.
@@ -148,6 +162,46 @@ pub struct Excluded {
     pub unreachable: u32,
     /// Close to a place that is promised to another robot.
     pub leased: u32,
+}
+
+/// Why a vertex is no candidate.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Exclusion {
+    /// Its uncertainty is below what a candidate needs.
+    AlreadyCertain,
+    /// No adjacent vertex is confident: too far a step into the unknown.
+    NoConfidentNeighbour,
+    /// The approach would enter a forbidden part of the workspace.
+    KeepOut,
+    /// Close to a candidate that failed not long ago.
+    RecentlyFailed,
+    /// Close to a candidate that a robot did not try, for a reason that still holds.
+    Unreachable,
+    /// Close to a place that is promised to another robot.
+    Leased,
+    /// Not in the even selection of vertices that the strategy compares.
+    NotCompared,
+}
+
+/// The score of a vertex, whether it can be proposed or not.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Explained {
+    /// The vertex of the current mesh.
+    pub vertex: u32,
+    /// The sum of weight times value over `terms`.
+    pub score: f64,
+    /// What the score is made of, each term as the candidates of the same proposal have it.
+    pub terms: Vec<ScoreTerm>,
+    /// Uncertainty of the vertex, in [0, 1].
+    pub uncertainty: f64,
+    /// Standard deviation of the surface there, in metres, where the method knows it.
+    pub std_m: Option<f64>,
+    /// Mean geodesic distance to the confident vertices around it, in metres; 0 without any.
+    pub mean_geodesic_m: f64,
+    /// Probability that an attempt there fails, where the method knows it.
+    pub failure_risk: Option<f64>,
+    /// Why it cannot be proposed; nothing where it can.
+    pub excluded: Option<Exclusion>,
 }
 
 impl Proposal {

@@ -1,6 +1,6 @@
 //! Vertices in the order of a strategy's preference.
 
-use super::proposal::{Excluded, ScoreTerm};
+use super::proposal::{Excluded, Exclusion, ScoreTerm};
 
 /// A vertex that a strategy offers.
 #[derive(Clone, Debug)]
@@ -33,6 +33,8 @@ pub(super) struct Ranking<'a> {
     pub(super) ranked: Box<dyn Iterator<Item = Ranked> + 'a>,
     pub(super) relaxed: bool,
     pub(super) excluded: Excluded,
+    /// The vertices whose score was asked, with what keeps the strategy from offering them.
+    pub(super) asked: Vec<(Ranked, Option<Exclusion>)>,
     /// Why a vertex is offered, in words; asked only of those that become candidates.
     pub(super) why: Box<dyn Fn(&Ranked) -> String>,
 }

@@ -97,6 +97,11 @@ impl Situation<'_> {
         (high - low).norm()
     }
 
+    /// Whether the estimate has such a vertex.
+    pub(super) fn has(&self, vertex: u32) -> bool {
+        (vertex as usize) < self.mesh.vertices.len()
+    }
+
     /// `u <= u'_max`, Eq. (3).
     pub(super) fn is_confident(&self, vertex: u32) -> bool {
         self.uncertainty[vertex as usize] <= self.config.confident_max

@@ -23,7 +23,7 @@ fn distance_m(a: &Candidate, b: &Candidate) -> f64 {
 }
 
 /// Every method with every strategy that it takes.
-fn settings() -> impl Iterator<Item = Settings> {
+pub(crate) fn settings() -> impl Iterator<Item = Settings> {
     use Strategy::{ExpectedGain, MinUncertainty, Proactive, Random, Uniform};
     let strategies = [Proactive, MinUncertainty, Uniform, Random, ExpectedGain];
     let pairs = METHODS.into_iter().flat_map(move |method| strategies.map(|strategy| (method, strategy)));

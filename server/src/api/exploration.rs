@@ -23,9 +23,16 @@ pub(super) struct FieldNames {
     pub(super) propose: &'static str,
     pub(super) robot: &'static str,
     pub(super) lease: &'static str,
+    pub(super) explain: &'static str,
 }
 
-const UNARY: FieldNames = FieldNames { prior: "prior", propose: "propose", robot: "robot", lease: "lease" };
+const UNARY: FieldNames = FieldNames {
+    prior: "prior",
+    propose: "propose",
+    robot: "robot",
+    lease: "lease",
+    explain: "explain_vertices",
+};
 
 impl Api {
     /// Adds a camera's view of the object.
@@ -112,14 +119,16 @@ impl Api {
     ) -> Result<v1::ProposeContactsResponse, Error> {
         // Only a lease changes anything, so without one asking again needs no protection.
         let key = request_key(&request.request_id, &request, &self.limits)?;
-        let v1::ProposeContactsRequest { session_id, top_k, robot, lease, request_id: _ } = request;
+        let v1::ProposeContactsRequest { session_id, top_k, robot, lease, request_id: _, explain_vertices } =
+            request;
         let top_k = top_k.max(1);
         let question =
             from_proto::exploration_request(names.propose, top_k, names.robot, robot.as_ref(), &self.limits)?;
+        let question = from_proto::explaining(names.explain, explain_vertices, question, &self.limits)?;
         if let Some(wanted) = lease {
             let duration =
                 from_proto::lease_duration(names.lease, wanted, names.robot, &question, &self.limits)?;
-            return self.lease(session_id, question, duration, key, actor, deadline).await;
+            return self.lease(session_id, question, duration, key, actor, names, deadline).await;
         }
         let snapshot = self.sessions.newest(&session_id, deadline).await?;
         if snapshot.state == SessionState::Finished {
@@ -129,6 +138,7 @@ impl Api {
         if snapshot.reconstruction.last_estimate().is_none() {
             return Err(Error::NoVisualPrior);
         }
+        check_explained(&snapshot, &question, names)?;
         let propose = move || answer(&snapshot, &question, &snapshot.propose(&question, now_us()));
         self.sessions.pool.run(Queue::ROBOTS, Work::Proposal, &session_id, deadline, propose).await
     }
@@ -249,6 +259,23 @@ fn next_candidates(after: &Snapshot, wanted: &Question) -> Vec<v1::Candidate> {
     to_proto::candidates(after, &after.propose(wanted, after.updated_us).candidates)
 }
 
+/// Refuses vertices that the newest surface does not have.
+pub(super) fn check_explained(
+    snapshot: &Snapshot,
+    question: &Question,
+    names: FieldNames,
+) -> Result<(), Error> {
+    let vertices = snapshot.reconstruction.surface().map_or(0, |surface| surface.mesh.vertices.len());
+    let asked = question.request.asked();
+    match asked.iter().enumerate().find(|(_, vertex)| **vertex as usize >= vertices) {
+        None => Ok(()),
+        Some((index, vertex)) => Err(Error::field(
+            format!("{}[{index}]", names.explain),
+            format!("{vertex} is no vertex of revision {}, which has {vertices}, from 0", snapshot.revision),
+        )),
+    }
+}
+
 /// The reply to a question, for a session as it is after the proposal.
 pub(super) fn answer(
     snapshot: &Snapshot,
@@ -266,6 +293,7 @@ pub(super) fn answer(
         revision: snapshot.revision,
         candidates: to_proto::candidates(snapshot, &proposal.candidates),
         excluded: Some(to_proto::excluded(&proposal.excluded)),
+        explained: proposal.explained.iter().map(to_proto::explained).collect(),
         should_stop: should_stop.into(),
         warnings: to_proto::warning_texts(&warnings),
         warning_details: to_proto::warnings(&warnings),

@@ -28,8 +28,13 @@ use crate::wire::{from_proto, to_proto};
 /// Missed replies read from the log at once, if their events are not large.
 const PAGE: i64 = 16;
 
-const NAMES: FieldNames =
-    FieldNames { prior: "visual_prior", propose: "open.top_k", robot: "open.robot", lease: "propose.lease" };
+const NAMES: FieldNames = FieldNames {
+    prior: "visual_prior",
+    propose: "open.top_k",
+    robot: "open.robot",
+    lease: "propose.lease",
+    explain: "propose.explain_vertices",
+};
 
 /// One stream, once it is open.
 struct Exploration {

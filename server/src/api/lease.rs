@@ -11,7 +11,7 @@ use palpate_proto::v1::event::Kind;
 use prost::Message;
 use tokio::time::Instant;
 
-use super::exploration::answer;
+use super::exploration::{FieldNames, answer, check_explained};
 use super::{Api, appended, stored};
 use crate::compute::Work;
 use crate::error::Error;
@@ -28,10 +28,11 @@ impl Api {
         duration: Duration,
         request: RequestKey,
         actor: &str,
+        names: FieldNames,
         deadline: Instant,
     ) -> Result<v1::ProposeContactsResponse, Error> {
         let limits = self.limits.clone();
-        let compute = move |before: &Snapshot| promise(before, &question, duration, &limits);
+        let compute = move |before: &Snapshot| promise(before, &question, duration, names, &limits);
         let change = Change {
             session_id,
             request,
@@ -49,11 +50,13 @@ fn promise(
     before: &Snapshot,
     question: &Question,
     duration: Duration,
+    names: FieldNames,
     limits: &Limits,
 ) -> Result<Decision<Snapshot>, Error> {
     if before.reconstruction.last_estimate().is_none() {
         return Err(Error::NoVisualPrior);
     }
+    check_explained(before, question, names)?;
     let at_us = before.next_event_us();
     let proposal = before.propose(question, at_us);
     if proposal.candidates.is_empty() {

@@ -23,7 +23,7 @@ pub(crate) use definition::{check_labels, check_session_id, definition, fork};
 pub(crate) use lease::{lease_duration, leases};
 pub(crate) use prior::{Prior, is_readable, sent_prior, visual_prior};
 pub(crate) use reference::{ReferenceFile, ReferenceNames, reference_file, reference_mesh};
-pub(crate) use robot::exploration_request;
+pub(crate) use robot::{explaining, exploration_request};
 pub(crate) use size::check_size;
 
 /// The years 1 to 9999 in seconds since 1970, UTC: what a time in JSON may say.

@@ -2,7 +2,7 @@
 
 use palpate_core::config::{Axes, DeclaredSymmetry, Method, Settings, StopRule, Strategy};
 use palpate_core::evidence::{Target, TouchedPoint};
-use palpate_core::exploration::{self, Approach, KeepOut, Region};
+use palpate_core::exploration::{self, Approach, Exclusion, KeepOut, Region};
 use palpate_core::geometry::{Plane, Point, Pose, Vector};
 use palpate_core::reconstruction::{self, Stats, StopReason};
 use palpate_core::warning::{Warning, WarningKind};
@@ -434,6 +434,42 @@ fn candidate(snapshot: &Snapshot, candidate: &exploration::Candidate) -> v1::Can
 fn score_term(term: &exploration::ScoreTerm) -> v1::ScoreTerm {
     let &exploration::ScoreTerm { term, weight, value } = term;
     v1::ScoreTerm { term: term.to_owned(), weight, value }
+}
+
+pub(crate) fn explained(explained: &exploration::Explained) -> v1::ExplainedVertex {
+    let exploration::Explained {
+        vertex,
+        score,
+        terms,
+        uncertainty,
+        std_m,
+        mean_geodesic_m,
+        failure_risk,
+        excluded,
+    } = explained;
+    v1::ExplainedVertex {
+        vertex: *vertex,
+        score: *score,
+        terms: terms.iter().map(score_term).collect(),
+        uncertainty: *uncertainty,
+        std_m: std_m.unwrap_or(0.0),
+        mean_geodesic_m: *mean_geodesic_m,
+        failure_risk: failure_risk.unwrap_or(0.0),
+        excluded: exclusion(*excluded).into(),
+    }
+}
+
+fn exclusion(exclusion: Option<Exclusion>) -> v1::Exclusion {
+    match exclusion {
+        None => v1::Exclusion::Unspecified,
+        Some(Exclusion::AlreadyCertain) => v1::Exclusion::AlreadyCertain,
+        Some(Exclusion::NoConfidentNeighbour) => v1::Exclusion::NoConfidentNeighbour,
+        Some(Exclusion::KeepOut) => v1::Exclusion::KeepOut,
+        Some(Exclusion::RecentlyFailed) => v1::Exclusion::RecentlyFailed,
+        Some(Exclusion::Unreachable) => v1::Exclusion::Unreachable,
+        Some(Exclusion::Leased) => v1::Exclusion::Leased,
+        Some(Exclusion::NotCompared) => v1::Exclusion::NotCompared,
+    }
 }
 
 pub(crate) fn excluded(excluded: &exploration::Excluded) -> v1::Excluded {

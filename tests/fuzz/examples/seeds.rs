@@ -306,6 +306,7 @@ fn question() -> v1::ProposeContactsRequest {
         top_k: 3,
         robot: robot(),
         lease: Some(Duration { seconds: 30, nanos: 0 }),
+        explain_vertices: vec![0, 17],
         ..Default::default()
     }
 }

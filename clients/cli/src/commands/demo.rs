@@ -15,6 +15,9 @@ The robot sees 12 % of the surface from one side, then touches where the server 
 Each line is one attempt: \"hit\", \"early\" (touched before it got there) or \"miss\" (nothing there), \
 and how far the estimated surface is from the true one, in millimetres.";
 
+/// The only session of the demo's own server.
+const SESSION_ID: &str = "demo";
+
 /// The demo touches as robots do, the paper's point is for comparisons.
 #[derive(Debug, clap::Args)]
 #[command(mut_arg("pad", |pad| pad.default_value("flat")))]
@@ -68,12 +71,19 @@ async fn explore(args: &Args, database: &Path) -> Result<(LocalServer, Explorati
         &format!("Palpate {}: a simulated robot explores, through a server of its own: {name}.", *VERSION),
         0,
     ))?;
-    say(format_args!("Watch it while it runs: {}/", server.url))?;
-    let plan = plan(&name, "demo", &args.session, &args.sensors);
+    let mut plan = plan(&name, "demo", &args.session, &args.sensors);
+    // Named here, so that its page can be told before it begins.
+    SESSION_ID.clone_into(&mut plan.session.session_id);
+    say(format_args!("Watch it while it runs: {}", page(&server.url, SESSION_ID)))?;
     let exploration = drive(client, &body, plan).await?;
     say(format_args!("\n{exploration}"))?;
     save_ply(&exploration, &args.out)?;
     Ok((server, exploration))
+}
+
+/// Where a session is shown as it is touched.
+fn page(url: &str, session_id: &str) -> String {
+    format!("{url}/#/session/{session_id}")
 }
 
 /// What a running server can be asked.
@@ -88,7 +98,7 @@ fn look_around(url: &str, session_id: &str) -> String {
         format!("curl '{session}/mesh?format=obj' -o estimate.obj"),
     ];
     let mut text = format!("\n{}", styled(BOLD, "Still serving, until Ctrl-C. Look around:"));
-    text.push_str(&format!("\n  {url}/#/session/{session_id} shows it, touch by touch"));
+    text.push_str(&format!("\n  {} shows it, touch by touch", page(url, session_id)));
     text.push_str(&format!("\n  {url}/docs documents every call"));
     for command in commands {
         text.push_str(&format!("\n  {}", styled(COMMAND, command)));

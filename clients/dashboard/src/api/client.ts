@@ -6,6 +6,8 @@ type Schemas = components["schemas"];
 export type Session = Schemas["Session"];
 export type SeriesRow = Schemas["SeriesRow"];
 export type Candidate = Schemas["Candidate"];
+export type ScoreTerm = Schemas["ScoreTerm"];
+export type ExplainedVertex = Schemas["ExplainedVertex"];
 export type Experiment = Schemas["Experiment"];
 export type Summary = Schemas["ExperimentSummary"];
 export type Warning = Schemas["Warning"];
@@ -41,6 +43,9 @@ export interface Result {
   invalid_contact?: { reason?: string };
   object_moved?: { detail?: string };
 }
+
+/** The touches of an event: one for each pad. */
+export const contactsOf = ({ contact_result: result }: Event): Contact[] => (result?.contact ? [result.contact] : (result?.contacts?.contacts ?? []));
 
 export interface Contact {
   sensor_pose?: Pose;
@@ -152,6 +157,10 @@ export async function candidates(id: string, count: number, signal?: AbortSignal
   const reply = await post<{ candidates?: Candidate[] }>(at(id, "/candidates"), { top_k: count }, signal);
   return reply.candidates ?? [];
 }
+
+/** What the score of a vertex of the newest surface is made of, and what keeps it from being proposed. */
+export const scoreOf = (id: string, vertex: number, signal: AbortSignal) =>
+  post<{ revision: number; explained: ExplainedVertex[] }>(at(id, "/candidates"), { top_k: 1, explain_vertices: [vertex] }, signal);
 
 export const experiments = (signal?: AbortSignal) =>
   json<{ experiments: Experiment[] }>("/v1/experiments", { signal }).then((reply) => reply.experiments);

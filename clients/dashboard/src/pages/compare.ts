@@ -17,6 +17,8 @@ interface Side {
   caption: HTMLElement;
   shown: number;
   isLoading: boolean;
+  /** Mean distance to the reference, in metres. */
+  error?: number;
 }
 
 export class ComparePage implements Page {
@@ -27,9 +29,12 @@ export class ComparePage implements Page {
   #table = h("table");
   #abort = new AbortController();
   #isLinking = false;
+  /** Whether the address says where the camera is. */
+  #hasCamera: boolean;
 
   constructor(ids: string[]) {
     const camera = readPlace().camera;
+    this.#hasCamera = camera !== undefined;
     this.#sides = ids.slice(0, MOST_COMPARED).map((id) => {
       const viewer = new Viewer();
       const caption = h("figcaption", {}, id);
@@ -40,7 +45,7 @@ export class ComparePage implements Page {
     });
     this.#legend = new Legend(this.#sides.map(({ viewer }) => viewer));
     const grid = h("div", { className: `grid of-${this.#sides.length}` }, ...this.#sides.map(({ viewer, caption }) => h("figure", {}, caption, viewer.element)));
-    this.element.append(h("header", { className: "row" }, h("h1", {}, "Compare"), h("span", { className: "grow" }), h("button", { type: "button", onclick: () => this.#sides[0]?.viewer.fit() }, "Fit")), grid, this.#legend.element, h("div", { className: "scroll" }, this.#table));
+    this.element.append(h("header", { className: "row" }, h("h1", {}, "Compare"), h("span", { className: "grow" }), h("button", { type: "button", title: "All of the largest surface", onclick: () => this.#fit() }, "Fit")), grid, this.#legend.element, h("div", { className: "scroll" }, this.#table));
     this.#showTable();
   }
 
@@ -50,6 +55,12 @@ export class ComparePage implements Page {
       live.close();
       viewer.close();
     }
+  }
+
+  /** All of the largest surface, so that none is cut off; the others follow. */
+  #fit(): void {
+    const viewers = this.#sides.map(({ viewer }) => viewer).filter(({ surface }) => surface);
+    viewers.sort((a, b) => b.size - a.size)[0]?.fit();
   }
 
   /** The others look as this one does. */
@@ -69,9 +80,12 @@ export class ComparePage implements Page {
     const revision = live.revision;
     try {
       const file = await api.surface(live.id, revision, this.#abort.signal);
+      const isFirst = !viewer.surface;
       viewer.show(file && readSurface(file));
+      if (isFirst && !this.#hasCamera) this.#fit();
       viewer.put("history", marks.history(live.events, revision));
       side.shown = revision;
+      void this.#loadError(side);
       viewer.element.dataset.revision = String(revision);
       this.#legend.refresh();
     } catch {
@@ -79,6 +93,15 @@ export class ComparePage implements Page {
     }
     side.isLoading = false;
     if (!this.#abort.signal.aborted && side.shown === revision && revision !== live.revision) void this.#changed(side);
+  }
+
+  /** How far off the surface is, where the session has a reference. */
+  async #loadError(side: Side): Promise<void> {
+    const series = await api.series(side.live.id, this.#abort.signal).catch(() => undefined);
+    const known = series?.rows.filter((row) => row.surface_distance_m !== undefined).at(-1);
+    if (this.#abort.signal.aborted || !known) return;
+    side.error = known.surface_distance_m;
+    this.#showTable();
   }
 
   #showTable(): void {
@@ -92,6 +115,7 @@ export class ComparePage implements Page {
       ["early", (side) => stats(side)?.early_contacts ?? 0],
       ["mean uncertainty", (side) => share(stats(side)?.mean_uncertainty)],
       ["mean deviation", (side) => millimetres(stats(side)?.mean_std_m, 2)],
+      ["error", ({ error }) => millimetres(error, 2)],
       ["template", (side) => stats(side)?.template || "–"],
     ];
     for (const { caption, live } of this.#sides) clear(caption, h("a", { href: linkTo({ page: "session", ids: [live.id] }) }, live.session?.display_name || live.id));

@@ -1,7 +1,7 @@
 /** Experiments, and one of them as a table of means and spreads, a row for each group. */
 
 import * as api from "../api/client";
-import { ago, clear, h } from "../dom";
+import { ago, clear, h, plain } from "../dom";
 import { explained } from "../errors";
 import { linkTo } from "../place";
 import type { Page } from "./page";
@@ -30,6 +30,9 @@ export class ExperimentsPage implements Page {
 
 /** What groups are made by. */
 const GROUPINGS = ["labels.strategy,method", "labels.object", "method", "strategy", "template", "state"];
+const inWords = (by: string) => by.split(",").map((one) => (one.startsWith("labels.") ? `label ${one.slice(7)}` : one)).join(" and ");
+/** The contract's names in words. */
+const keyInWords = (key: string) => ["METHOD_", "STRATEGY_", "SESSION_STATE_"].reduce((text, prefix) => (text.startsWith(prefix) ? plain(text, prefix) : text), key);
 /** Lengths are metres on the wire, and millimetres in the table. */
 const COLUMNS: ["attempts" | "failures" | "mean_uncertainty" | "mean_std_m" | "surface_distance_m", string, number][] = [
   ["attempts", "attempts", 1],
@@ -43,7 +46,7 @@ export class ExperimentPage implements Page {
   readonly title: string;
   readonly element = h("main");
   #abort = new AbortController();
-  #by = h("select", { "aria-label": "Group by", onchange: () => void this.#load() }, ...GROUPINGS.map((name) => h("option", { value: name }, `by ${name}`)));
+  #by = h("select", { "aria-label": "Group by", onchange: () => void this.#load() }, ...GROUPINGS.map((name) => h("option", { value: name }, `by ${inWords(name)}`)));
   #content = h("div", { className: "scroll" }, h("p", { className: "placeholder" }, "Loading…"));
 
   constructor(experiment: string) {
@@ -60,10 +63,10 @@ export class ExperimentPage implements Page {
   async #load(): Promise<void> {
     try {
       const summary = await api.summary(this.title, this.#by.value, this.#abort.signal);
-      const head = [...summary.by, "sessions", ...COLUMNS.map(([, name]) => name)].map((name) => h("th", { scope: "col" }, name));
+      const head = [...summary.by.map(inWords), "sessions", ...COLUMNS.map(([, name]) => name)].map((name) => h("th", { scope: "col" }, name));
       const rows = summary.groups.map((group) => {
         const cells = COLUMNS.map(([name, , factor]) => spread(group[name], factor));
-        return h("tr", {}, ...group.key.map((key) => h("td", {}, key)), h("td", {}, group.n), ...cells.map((cell) => h("td", {}, cell)));
+        return h("tr", {}, ...group.key.map((key) => h("td", {}, keyInWords(key))), h("td", {}, group.n), ...cells.map((cell) => h("td", {}, cell)));
       });
       clear(this.#content, h("table", {}, h("thead", {}, h("tr", {}, ...head)), h("tbody", {}, ...rows)), h("p", { className: "quiet" }, "Mean and sample deviation over the sessions of a group."));
     } catch (error) {

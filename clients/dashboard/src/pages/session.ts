@@ -2,12 +2,13 @@
 
 import * as api from "../api/client";
 import { readSurface, type Surface } from "../api/glb";
-import { visualPoints } from "../api/points";
 import { Charts } from "../charts";
 import * as dialogs from "../dialogs";
-import { clear, h, millimetres, plain, share } from "../dom";
+import { clear, dropDown, h, millimetres, plain, share } from "../dom";
 import { explained, tell } from "../errors";
+import { describe } from "../events";
 import { LiveSession } from "../live";
+import * as parts from "../picked";
 import { readPlace, linkTo, note } from "../place";
 import * as marks from "../scene/marks";
 import { type Picked, Viewer } from "../scene/viewer";
@@ -38,6 +39,8 @@ export class SessionPage implements Page {
   #wanted = 0;
   #drawn = "";
   #abort = new AbortController();
+  /** Of the question for the score of a picked vertex. */
+  #asked?: AbortController;
   #timers = new Set<number>();
   #player?: number;
   #isClosed = false;
@@ -47,6 +50,7 @@ export class SessionPage implements Page {
   #head = h("header", { className: "session-head" });
   #actions = h("div");
   #facts = h("section", { className: "facts", "aria-label": "The session in numbers" });
+  #next = h("section", { className: "row", hidden: true });
   #picked = h("section", { className: "picked", "aria-live": "polite" });
   #warnings = h("section");
   #shadow = h("section");
@@ -71,6 +75,7 @@ export class SessionPage implements Page {
     this.#isClosed = true;
     this.#live.close();
     this.#abort.abort();
+    this.#asked?.abort();
     this.#timers.forEach((timer) => clearTimeout(timer));
     clearInterval(this.#player);
     this.#charts.close();
@@ -101,7 +106,7 @@ export class SessionPage implements Page {
     );
     const stage = h("div", { className: "stage" }, this.#viewer.element, this.#legend.element, views, this.#empty);
     const time = h("div", { className: "time" }, this.#playButton, this.#scrubber, this.#where, this.#liveButton);
-    const side = h("aside", {}, this.#facts, this.#picked, this.#warnings, this.#charts.element, this.#shadow);
+    const side = h("aside", {}, this.#facts, this.#next, this.#picked, this.#warnings, this.#charts.element, this.#shadow);
     this.element.append(this.#head, this.#problem, stage, time, side);
 
     this.#scrubber.addEventListener("input", () => this.#go(Number(this.#scrubber.value)));
@@ -123,12 +128,12 @@ export class SessionPage implements Page {
       const box = h("input", { type: "checkbox", checked: true, onchange: () => this.#viewer.setVisible(name, box.checked) });
       return h("label", {}, box, label);
     });
-    return h("details", {}, h("summary", {}, "Layers"), h("div", { className: "menu" }, ...boxes));
+    return dropDown("Layers", h("div", { className: "menu" }, ...boxes));
   }
 
   #downloads(id: string): HTMLElement {
     const menu = h("div", { className: "menu" });
-    const details = h("details", {}, h("summary", {}, "Download"), menu);
+    const details = dropDown("Download", menu);
     details.addEventListener("toggle", () => {
       clear(menu, ...api.files(id, this.#shown).map(([name, address]) => h("a", { href: address, download: "" }, name)));
     });
@@ -144,6 +149,8 @@ export class SessionPage implements Page {
       clear(this.#problem, h("div", { className: "error", role: "alert" }, `There is no session ${this.title}. `, h("a", { href: "#/sessions" }, "All sessions")));
       return;
     }
+    if (!this.#live.events.length) return;
+    clear(this.#problem);
     this.#scrubber.max = String(Math.max(revision, 1));
     void this.#update();
     this.#loadSeries();
@@ -222,7 +229,7 @@ export class SessionPage implements Page {
     this.#viewer.show(surface);
     this.#legend.refresh();
     this.#empty.hidden = surface !== undefined;
-    this.#empty.textContent = "Nothing was seen yet. Send what the camera sees: Add view.";
+    this.#empty.textContent = "Nothing was seen yet: send what the camera sees with Add view.";
     const { session, events } = this.#live;
     const key = `${revision} ${events.length}`;
     if (key !== this.#drawn) {
@@ -231,7 +238,7 @@ export class SessionPage implements Page {
       if (session && surface) this.#viewer.put("limits", marks.limits(session, this.#viewer.centre, this.#viewer.size));
     }
     const isNewest = this.#candidates.revision === revision && this.#at === undefined;
-    this.#viewer.put("next", isNewest ? marks.next(this.#candidates.list) : undefined);
+    this.#showNext(isNewest ? this.#candidates.list : []);
   }
 
   async #loadCandidates(revision: number): Promise<void> {
@@ -243,7 +250,16 @@ export class SessionPage implements Page {
     });
     if (this.#isClosed || this.#shown !== revision) return;
     this.#candidates = { revision, list };
-    this.#viewer.put("next", marks.next(list));
+    this.#showNext(list);
+  }
+
+  /** The next touches, in the view and as buttons for those who do not click into it. */
+  #showNext(list: api.Candidate[]): void {
+    this.#viewer.put("next", list.length ? marks.next(list) : undefined);
+    this.#next.hidden = !list.length;
+    const button = (candidate: api.Candidate, rank: number) =>
+      h("button", { type: "button", "aria-label": `Next touch ${rank + 1}, at vertex ${candidate.vertex}`, title: candidate.why, onclick: () => this.#tellPicked({ candidate }) }, rank + 1);
+    clear(this.#next, h("h2", {}, "Next touches"), ...list.map(button));
   }
 
   /** The series follows the log, some time behind it. */
@@ -283,7 +299,7 @@ export class SessionPage implements Page {
       ["attempts", `${stats?.attempts ?? 0}${stop ? ` of ${stop}` : ""}`],
       ["failures", `${stats?.failures ?? 0} (${stats?.no_contacts ?? 0} missed, ${stats?.early_contacts ?? 0} early, ${stats?.invalid_contacts ?? 0} invalid)`],
       ["mean uncertainty", share(stats?.mean_uncertainty)],
-      ["stated deviation", `${millimetres(stats?.mean_std_m)} mean, ${millimetres(stats?.max_std_m)} at most`],
+      ["stated deviation", stats?.mean_std_m ? `${millimetres(stats.mean_std_m)} mean, ${millimetres(stats.max_std_m)} at most` : "–"],
       ["template", stats?.template || "–"],
       ["method", `${plain(session?.config?.method, "METHOD_")}, ${plain(session?.config?.strategy, "STRATEGY_")}`],
       ["frame", session?.frame_id ?? "–"],
@@ -299,39 +315,35 @@ export class SessionPage implements Page {
   }
 
   #tellPicked(picked: Picked | undefined): void {
+    this.#asked?.abort();
     if (!picked) return clear(this.#picked);
-    if ("vertex" in picked) {
-      const { uncertainty, std } = this.#viewer.surface!;
-      const near = nearestEvidence(this.#live.events, this.#shown, picked.at.toArray());
-      const candidate = this.#candidates.list.find((one) => one.vertex === picked.vertex);
-      const lines = [
-        `Vertex ${picked.vertex} at ${picked.at.toArray().map((value) => (1000 * value).toFixed(1)).join(", ")} mm`,
-        `uncertainty ${share(uncertainty[picked.vertex])}${std ? `, stated deviation ${millimetres(std[picked.vertex], 2)}` : ""}`,
-        near ? `nearest attractor: ${near.what}, ${millimetres(near.distance)} away` : "",
-      ];
-      return clear(this.#picked, h("h2", {}, "Picked"), ...lines.filter(Boolean).map((line) => h("p", {}, line)), candidate && this.#candidateTable(candidate));
-    }
-    if ("candidate" in picked && picked.candidate) return clear(this.#picked, h("h2", {}, "Next touch"), this.#candidateTable(picked.candidate));
+    if ("vertex" in picked) return this.#tellVertex(picked.vertex, picked.at.toArray());
+    if (picked.candidate) return clear(this.#picked, ...parts.candidateParts(picked.candidate));
     const event = this.#live.events.find(({ seq }) => seq === picked.seq);
     if (!event) return clear(this.#picked);
-    const force = event.contact_result?.contact?.wrench?.force;
     clear(
       this.#picked,
-      h("h2", {}, `Event ${event.seq}`),
-      h("p", {}, `${describe(event)} by ${event.contact_result?.robot_id || event.actor}, ${new Date(event.append_time).toLocaleString()}`),
-      force && h("p", {}, `force ${Math.hypot(force.x ?? 0, force.y ?? 0, force.z ?? 0).toFixed(2)} N`),
-      h("div", { className: "row" }, h("button", { type: "button", onclick: () => this.#go(event.seq) }, "Go there"), h("button", { type: "button", onclick: () => dialogs.retract(this.title, event.seq) }, "Take back…")),
+      ...parts.eventParts(event, [
+        h("button", { type: "button", onclick: () => this.#go(event.seq) }, "Go there"),
+        h("button", { type: "button", onclick: () => dialogs.retract(this.title, event.seq) }, "Take back…"),
+      ]),
     );
   }
 
-  #candidateTable(candidate: api.Candidate): HTMLElement {
-    const rows = candidate.terms.map(({ term, weight, value }) => h("tr", {}, h("td", {}, term), h("td", {}, weight.toFixed(1)), h("td", {}, value.toFixed(2)), h("td", {}, (weight * value).toFixed(2))));
-    return h(
-      "div",
-      {},
-      h("p", {}, candidate.why),
-      h("p", {}, `risk of failure ${share(candidate.failure_risk)}, uncertainty ${share(candidate.uncertainty)}, deviation ${millimetres(candidate.std_m, 2)}${candidate.sensor_id ? `, pad ${candidate.sensor_id}` : ""}`),
-      h("table", {}, h("thead", {}, h("tr", {}, ...["term", "weight", "value", "score"].map((name) => h("th", { scope: "col" }, name)))), h("tbody", {}, ...rows, h("tr", {}, h("td", {}, "all"), h("td"), h("td"), h("td", {}, candidate.score.toFixed(2))))),
+  /** What the surface says of a vertex at once, and then what its score is, which the server tells. */
+  #tellVertex(vertex: number, at: number[]): void {
+    const revision = this.#shown;
+    const score = h("div", {}, "Score: asking…");
+    clear(this.#picked, ...parts.vertexParts(vertex, at, this.#viewer.surface!, this.#live.events, revision), score);
+    if (this.#at !== undefined) return clear(score, h("p", { className: "quiet" }, "Scores are told at the newest revision only: press Live."));
+    if (this.#live.session?.state !== "SESSION_STATE_ACTIVE") return clear(score, h("p", { className: "quiet" }, "The session takes nothing more, so there is no score."));
+    this.#asked = new AbortController();
+    api.scoreOf(this.title, vertex, this.#asked.signal).then(
+      (reply) => {
+        const isOfThis = Number(reply.revision) === revision && reply.explained[0];
+        clear(score, ...(isOfThis ? parts.scoreParts(isOfThis) : [h("p", { className: "quiet" }, "The surface has changed meanwhile: click again.")]));
+      },
+      (error: Error) => error.name !== "AbortError" && clear(score, explained(error)),
     );
   }
 
@@ -355,40 +367,4 @@ export class SessionPage implements Page {
     this.#timers.add(timer);
     return timer;
   }
-}
-
-/** An event in words. */
-export function describe(event: api.Event): string {
-  const result = event.contact_result;
-  const taken = event.retracted_by_seq ? " (taken back)" : "";
-  if (event.created) return "created";
-  if (event.forked) return "forked";
-  if (event.visual_prior) return `a view${taken}`;
-  if (result?.contact || result?.contacts) return `touch${taken}`;
-  if (result?.no_contact) return `nothing touched${taken}`;
-  if (result?.rejected) return `not approached: ${plain(result.rejected.reason, "REJECT_REASON_")}${taken}`;
-  if (result?.invalid_contact) return `invalid contact: ${plain(result.invalid_contact.reason, "INVALID_REASON_")}${taken}`;
-  if (result?.object_moved) return `object moved${taken}`;
-  if (event.retracted_seq) return `event ${event.retracted_seq} taken back`;
-  if (event.finished !== undefined) return "finished";
-  return event.lease ? "a place was promised" : "renamed or labelled";
-}
-
-/** The touch or visual point nearest to a place. */
-function nearestEvidence(events: api.Event[], revision: number, place: number[]): { what: string; distance: number } | undefined {
-  let best: { what: string; distance: number } | undefined;
-  const offer = (what: string, at: ArrayLike<number>, from = 0) => {
-    const distance = Math.hypot(at[from]! - place[0]!, at[from + 1]! - place[1]!, at[from + 2]! - place[2]!);
-    if (!best || distance < best.distance) best = { what, distance };
-  };
-  for (const event of events) {
-    if (event.seq > revision) break;
-    const position = event.contact_result?.contact?.sensor_pose?.position;
-    if (position) offer(`the touch of event ${event.seq}`, [position.x ?? 0, position.y ?? 0, position.z ?? 0]);
-    if (event.visual_prior) {
-      const points = visualPoints(event);
-      for (let from = 0; from < points.length; from += 3) offer("a visual point", points, from);
-    }
-  }
-  return best;
 }

@@ -24,18 +24,21 @@ export class SessionsPage implements Page {
   #problem = h("div");
   #body = h("tbody");
   #count = h("span", { className: "quiet", role: "status" }, "Loading…");
-  #filter = h("input", { type: "search", placeholder: "Filter by id, name, experiment, label or state", "aria-label": "Filter", oninput: () => this.#show() });
+  #filter = h("input", { type: "search", placeholder: "Filter by id, name, state, experiment:NAME or label:VALUE", "aria-label": "Filter", list: "filters", oninput: () => this.#show() });
+  #filters = h("datalist", { id: "filters" });
   #compare = h("button", { type: "button", disabled: true, onclick: () => (location.hash = linkTo({ page: "compare", ids: [...this.#chosen] })) }, "Compare");
 
   #objects: string[] = [];
+  #offered = "";
   #robot = h("button", { type: "button", hidden: true, onclick: () => dialogs.simulate(this.#objects, (id) => (location.hash = linkTo({ page: "session", ids: [id] }))) }, "Simulated robot…");
 
   constructor(experiment?: string) {
     if (experiment) this.#filter.value = experiment;
-    const columns = ["", "Session", "Experiment", "State", "Attempts", "Failures", "Uncertainty", "Deviation", "Last event"];
+    const columns = ["Compare", "Session", "Experiment and labels", "State", "Attempts", "Failures", "Uncertainty", "Deviation", "Last event"];
     this.element.append(
       h("header", { className: "row" }, h("h1", {}, "Sessions"), this.#count, h("span", { className: "grow" }), this.#compare, this.#robot, h("button", { type: "button", className: "primary", onclick: () => dialogs.createSession((id) => (location.hash = linkTo({ page: "session", ids: [id] }))) }, "New session…")),
       this.#filter,
+      this.#filters,
       this.#problem,
       h("div", { className: "scroll" }, h("table", {}, h("thead", {}, h("tr", {}, ...columns.map((name) => h("th", { scope: "col" }, name)))), this.#body)),
     );
@@ -67,8 +70,7 @@ export class SessionsPage implements Page {
   get #filtered(): api.Session[] {
     const words = this.#filter.value.toLowerCase().split(/\s+/).filter(Boolean);
     return this.#sessions.filter((session) => {
-      const labels = Object.entries(session.labels ?? {}).map(([name, value]) => `${name}:${value}`);
-      const text = [session.session_id, session.display_name, session.experiment, session.state, ...labels].join(" ").toLowerCase();
+      const text = [session.session_id, session.display_name, plain(session.state, "SESSION_STATE_"), ...namesOf(session)].join(" ").toLowerCase();
       return words.every((word) => text.includes(word));
     });
   }
@@ -91,11 +93,26 @@ export class SessionsPage implements Page {
       clear(this.#body, h("tr", {}, h("td", { colSpan: 9, className: "empty-row" }, "There are no sessions yet. ", h("code", {}, "palpate demo --keep"), " fills one, and New session makes one.")));
       return;
     }
+    const names = [...new Set(this.#sessions.flatMap(namesOf))].sort();
+    if (names.join() !== this.#offered) {
+      this.#offered = names.join();
+      clear(this.#filters, ...names.map((value) => h("option", { value })));
+    }
+    if (!found.length) {
+      clear(this.#body, h("tr", {}, h("td", { colSpan: 9, className: "empty-row" }, "No session matches the filter.")));
+      return;
+    }
     const focused = document.activeElement?.id;
     clear(this.#body, ...found.slice(0, MOST).map((session) => this.#row(session)));
-    if (focused?.startsWith("choose-")) document.getElementById(focused)?.focus();
+    if (focused?.match(/^(choose|label)-/)) document.getElementById(focused)?.focus();
     this.#compare.disabled = this.#chosen.size < 2;
     this.#compare.textContent = this.#chosen.size ? `Compare ${this.#chosen.size}` : "Compare";
+  }
+
+  #filterBy(word: string): void {
+    const words = this.#filter.value.split(/\s+/).filter(Boolean);
+    if (!words.includes(word)) this.#filter.value = [...words, word].join(" ");
+    this.#show();
   }
 
   #row(session: api.Session): HTMLElement {
@@ -120,7 +137,7 @@ export class SessionsPage implements Page {
       {},
       h("td", {}, box),
       h("td", {}, h("a", { href: linkTo({ page: "session", ids: [id] }) }, session.display_name || id), session.display_name ? h("small", { className: "quiet" }, id) : undefined),
-      h("td", {}, session.experiment ? h("a", { href: linkTo({ page: "experiment", ids: [session.experiment] }) }, session.experiment) : "", h("small", { className: "quiet" }, Object.entries(session.labels ?? {}).map(([name, value]) => `${name}: ${value}`).join(" · "))),
+      h("td", {}, session.experiment ? h("a", { href: linkTo({ page: "experiment", ids: [session.experiment] }) }, session.experiment) : "", h("div", { className: "labels" }, ...Object.entries(session.labels ?? {}).map(([name, value]) => h("button", { type: "button", id: `label-${id}-${name}`, title: "Only sessions with this label", onclick: () => this.#filterBy(`${name}:${value}`) }, `${name}: ${value}`)))),
       h("td", {}, h("span", { className: `state ${plain(session.state, "SESSION_STATE_").replaceAll(" ", "-")}` }, plain(session.state, "SESSION_STATE_"))),
       h("td", {}, most ? h("progress", { max: most, value: Math.min(stats?.attempts ?? 0, most), "aria-label": "attempts" }) : undefined, ` ${stats?.attempts ?? 0}${most ? ` of ${most}` : ""}`),
       h("td", {}, stats?.failures ?? 0),
@@ -129,4 +146,9 @@ export class SessionsPage implements Page {
       h("td", {}, session.update_time ? ago(session.update_time) : ""),
     );
   }
+}
+
+/** What a session can be filtered by: its experiment and its labels, each as one word. */
+function namesOf({ experiment, labels }: api.Session): string[] {
+  return [...(experiment ? [`experiment:${experiment}`] : []), ...Object.entries(labels ?? {}).map(([name, value]) => `${name}:${value}`)];
 }

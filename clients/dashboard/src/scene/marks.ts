@@ -1,10 +1,10 @@
 /** What is drawn beside the surface: what was seen, touched and missed, where to touch next, what is forbidden. */
 
 import * as THREE from "three";
-import type { Candidate, Contact, Event, Session, Vector3 } from "../api/client";
+import { contactsOf, type Candidate, type Event, type Session, type Vector3 } from "../api/client";
 import { visualPoints } from "../api/points";
 
-const COLOURS = { seen: 0x22b8cf, touched: 0x1c7ed6, early: 0xf08c00, missed: 0xe03131, next: 0x7048e8, plane: 0x868e96 };
+export const COLOURS = { seen: 0x22b8cf, touched: 0x1c7ed6, early: 0xf08c00, missed: 0xe03131, next: 0x7048e8, plane: 0x868e96 };
 
 /** What a click on a mark says. */
 export interface Mark {
@@ -57,9 +57,11 @@ function points(shape: "disc" | "ring" | "cross", colour: number, size: number, 
   return drawn;
 }
 
-function lines(colour: number, places: THREE.Vector3[]): THREE.LineSegments {
+/** Lines; those that are `seenThrough` are drawn faintly where the surface hides them. */
+function lines(colour: number, places: THREE.Vector3[], seenThrough = false): THREE.LineSegments {
   const geometry = new THREE.BufferGeometry().setFromPoints(places);
-  return new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ color: colour }));
+  const faint = seenThrough ? { depthTest: false, transparent: true, opacity: 0.55 } : {};
+  return new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ color: colour, ...faint }));
 }
 
 /** The visual points and the attempts of a log up to a revision. */
@@ -83,9 +85,8 @@ export function history(events: Event[], revision: number): THREE.Group {
       if (seen.length) group.add(points("disc", COLOURS.seen, 3, seen));
     }
     const result = event.contact_result;
-    const contacts: Contact[] = result?.contact ? [result.contact] : (result?.contacts?.contacts ?? []);
     const early = event.stats_after?.early_contacts ?? 0;
-    for (const contact of contacts) {
+    for (const contact of contactsOf(event)) {
       const place = vector(contact.sensor_pose?.position);
       const kind = doubted.has(event.seq) ? "doubted" : early > before ? "early" : "believed";
       touched[kind].places.push(...place.toArray());
@@ -115,7 +116,7 @@ export function next(candidates: Candidate[]): THREE.Group {
     const [start, end] = [vector(candidate.probe_start), vector(candidate.probe_end)];
     const way = end.clone().sub(start);
     const length = way.length();
-    group.add(lines(COLOURS.next, [start, end]));
+    group.add(lines(COLOURS.next, [start, end], true));
     const arrow = new THREE.ArrowHelper(way.normalize(), start, 0.5 * length, COLOURS.next, 0.25 * length, rank ? 0.08 * length : 0.16 * length);
     group.add(arrow);
     heads.push(...start.toArray());

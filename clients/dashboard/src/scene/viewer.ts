@@ -39,6 +39,8 @@ export class Viewer {
   #geometry = new THREE.BufferGeometry();
   #mesh: THREE.Mesh;
   #layers = new Map<string, THREE.Object3D>();
+  /** Layers that are not shown, whatever is in them. */
+  #hidden = new Set<string>();
   #axes = new THREE.Scene();
   #scale = document.createElement("div");
   #colouring: Colouring = { quantity: "uncertainty", palette: "paper" };
@@ -91,7 +93,7 @@ export class Viewer {
   show(surface: Surface | undefined): void {
     const before = this.surface;
     this.surface = surface;
-    this.#mesh.visible = surface !== undefined;
+    this.#mesh.visible = surface !== undefined && !this.#hidden.has("surface");
     if (surface) {
       const isSame = before?.positions.length === surface.positions.length && sameFaces(before.faces, surface.faces);
       if (isSame) {
@@ -139,6 +141,7 @@ export class Viewer {
       this.#layers.delete(name);
     }
     if (layer) {
+      layer.visible = !this.#hidden.has(name);
       this.#layers.set(name, layer);
       this.#scene.add(layer);
     }
@@ -146,6 +149,8 @@ export class Viewer {
   }
 
   setVisible(name: string, isVisible: boolean): void {
+    if (isVisible) this.#hidden.delete(name);
+    else this.#hidden.add(name);
     const layer = name === "surface" ? this.#mesh : this.#layers.get(name);
     if (layer) layer.visible = isVisible && (name !== "surface" || this.surface !== undefined);
     this.draw();
@@ -217,9 +222,9 @@ export class Viewer {
     // The axes of the frame, in a corner.
     const corner = new THREE.PerspectiveCamera(35, 1, 0.1, 10);
     corner.up.copy(this.#camera.up);
-    corner.position.copy(this.#camera.position).sub(this.#controls.target).setLength(4.2);
+    corner.position.copy(this.#camera.position).sub(this.#controls.target).setLength(5.2);
     corner.lookAt(0, 0, 0);
-    this.#renderer.setViewport(4, 4, 76, 76);
+    this.#renderer.setViewport(4, 4, 96, 96);
     this.#renderer.clearDepth();
     this.#renderer.render(this.#axes, corner);
     this.#showScale(distance, height / ratio);
@@ -256,16 +261,18 @@ export class Viewer {
   }
 
   #makeAxes(): void {
-    this.#axes.add(new THREE.AxesHelper(1));
-    for (const [name, place, tint] of [["x", [1.25, 0, 0], "#e03131"], ["y", [0, 1.25, 0], "#2f9e44"], ["z", [0, 0, 1.25], "#4263eb"]] as const) {
+    this.#axes.add(new THREE.AxesHelper(1).setColors("#e03131", "#2f9e44", "#4c6ef5"));
+    for (const [name, place, tint] of [["x", [1.25, 0, 0], "#e03131"], ["y", [0, 1.25, 0], "#2f9e44"], ["z", [0, 0, 1.25], "#4c6ef5"]] as const) {
       const canvas = document.createElement("canvas");
-      canvas.width = canvas.height = 32;
+      canvas.width = canvas.height = 64;
       const context = canvas.getContext("2d")!;
-      context.font = "bold 26px sans-serif";
+      context.font = "bold 52px sans-serif";
       context.textAlign = "center";
       context.fillStyle = tint;
-      context.fillText(name, 16, 24);
-      const label = new THREE.Sprite(new THREE.SpriteMaterial({ map: new THREE.CanvasTexture(canvas) }));
+      context.fillText(name, 32, 46);
+      const texture = new THREE.CanvasTexture(canvas);
+      texture.colorSpace = THREE.SRGBColorSpace;
+      const label = new THREE.Sprite(new THREE.SpriteMaterial({ map: texture }));
       label.position.fromArray([...place]);
       label.scale.setScalar(0.55);
       this.#axes.add(label);

@@ -43,6 +43,24 @@ pub(crate) fn exploration_request(
     Ok(Question { request, robot_id: robot_id.clone() })
 }
 
+/// The question with the vertices whose score is asked.
+///
+/// # Errors
+/// More of them than the limits allow.
+pub(crate) fn explaining(
+    field: &str,
+    vertices: Vec<u32>,
+    question: Question,
+    limits: &Limits,
+) -> Result<Question, Error> {
+    if vertices.len() > limits.explained_vertices {
+        let description =
+            format!("{} vertices are more than the limit of {}", vertices.len(), limits.explained_vertices);
+        return Err(Error::field(field, description));
+    }
+    Ok(Question { request: question.request.explaining(vertices), ..question })
+}
+
 /// The regions at a path.
 ///
 /// # Errors
