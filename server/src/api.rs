@@ -91,6 +91,7 @@ impl Api {
         let limits = Arc::new(limits);
         let sessions = Arc::new(Sessions::new(store, pool, event::FOLDING, limits.clone(), stopping.clone()));
         tokio::spawn(sessions.clone().prove_all());
+        tokio::spawn(sessions.clone().forget_idle());
         Self {
             sessions,
             places: Places::default(),

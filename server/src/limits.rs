@@ -118,6 +118,8 @@ pub struct Limits {
     pub live_sessions: usize,
     /// Bytes that they take, roughly.
     pub live_bytes: usize,
+    /// How long one stays there that nobody asks for or watches.
+    pub session_idle: Duration,
     /// Past states held in memory for meshes of earlier revisions.
     pub past_states: usize,
     /// Computations for robots that may wait. Like the next two it bounds memory alone: a call waits as long as its
@@ -212,6 +214,7 @@ impl Default for Limits {
             sessions: 100_000,
             live_sessions: 256,
             live_bytes: 128 << 20,
+            session_idle: Duration::from_secs(120),
             past_states: 32,
             compute_queue: 8192,
             reader_queue: 8192,

@@ -123,6 +123,15 @@ impl<S: Aggregate> Sessions<S> {
         Self { store, pool, folding, limits, live, past, proven: Proven::default(), stopping }
     }
 
+    /// Drops sessions from memory that nobody has asked for in a while, until the server stops. The next one who asks
+    /// has them opened from their logs.
+    pub(crate) async fn forget_idle(self: Arc<Self>) {
+        let mut rounds = tokio::time::interval(self.limits.session_idle / 4);
+        while self.stopping.run_until_cancelled(rounds.tick()).await.is_some() {
+            self.live.forget_idle(self.limits.session_idle);
+        }
+    }
+
     /// Creates a session.
     ///
     /// # Errors

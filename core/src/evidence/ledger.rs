@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::attempt::{Attempt, Contact, Moved, Outcome, Sweep, Target};
 use super::attractor::contact_uncertainty;
-use super::rejection::Rejection;
+use super::rejection::{RejectReason, Rejection};
 use super::surroundings::{FAR_M, FAR_SIZES};
 use super::visual_prior::VisualPrior;
 use super::wrench::Wrench;
@@ -284,17 +284,24 @@ impl Ledger {
             Outcome::Rejected(reason) => {
                 self.tallies.rejected += 1;
                 self.tallies.consecutive_failures += 1;
-                let attempts = self.tallies.attempts;
-                let rejection =
-                    |target: Target| Rejection { point: *target.point(), reason: *reason, attempts };
-                self.rejections.extend(attempt.target.map(rejection));
+                self.leave_alone(attempt.target, *reason);
                 Entry::default()
             }
             Outcome::InvalidContact(base_from_sensor) => {
                 self.tallies.invalid_contacts += 1;
+                if config.method.learns_from_failures() {
+                    // What the housing met is in the way of its neighbours, too: they fail as it did.
+                    self.leave_alone(attempt.target, RejectReason::Collision);
+                }
                 self.enter_failure(attempt, Some(base_from_sensor.translation.vector.into()))
             }
         }
+    }
+
+    /// Proposes nothing around a candidate for as long as `reason` holds.
+    fn leave_alone(&mut self, target: Option<Target>, reason: RejectReason) {
+        let attempts = self.tallies.attempts;
+        self.rejections.extend(target.map(|target| Rejection { point: *target.point(), reason, attempts }));
     }
 
     /// Contacts of one attempt; `aimed` decides whether it came early, for all of them.

@@ -76,6 +76,23 @@ fn a_timeout_is_forgotten_after_three_attempts_and_a_rejection_moves_no_surface(
 }
 
 #[test]
+fn what_the_housing_met_is_in_the_way_of_places_within_25_mm_for_ten_attempts() {
+    let (_, mut state) = explore(&Object::sphere(), Settings::default(), 1);
+    let first = state.propose(&best()).candidates[0].clone();
+    let outcome = Outcome::InvalidContact(Pose::new(first.probe_start.coords, Vector::zeros()));
+    let attempt = Attempt { target: Some(target(&first)), outcome };
+    (state, _) = state.absorb(&Evidence::Attempt(attempt)).unwrap();
+    for attempt in 1..=10 {
+        let next = state.propose(&best());
+        assert!(next.excluded.unreachable > 0, "{attempt}");
+        assert!(distance_m(&first, &next.candidates[0]) >= 0.025, "{attempt}");
+        let nowhere = Attempt { target: None, outcome: Outcome::Rejected(RejectReason::Timeout) };
+        (state, _) = state.absorb(&Evidence::Attempt(nowhere)).unwrap();
+    }
+    assert_eq!(state.propose(&best()).excluded.unreachable, 0);
+}
+
+#[test]
 fn a_session_of_which_all_was_rejected_has_nothing_left() {
     let (_, mut state) = explore(&Object::sphere(), Settings::default(), 0);
     while let Some(next) = state.propose(&best()).candidates.first().cloned() {

@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 use tokio::sync::{OnceCell, watch};
 use tokio::time::Instant;
@@ -46,6 +47,7 @@ pub(super) struct Live<S> {
     /// Where its log ends; whoever holds the permit reads and writes it.
     head: Mutex<Option<Head>>,
     gone: AtomicBool,
+    /// When it was last asked for, in nanoseconds of the life of all.
     last_used: AtomicU64,
 }
 
@@ -126,7 +128,7 @@ impl<S> Live<S> {
 #[derive(Debug)]
 pub(super) struct LiveSessions<S> {
     by_id: Mutex<HashMap<String, Arc<Live<S>>>>,
-    uses: AtomicU64,
+    since: std::time::Instant,
     room: Room<S>,
     queue: usize,
 }
@@ -143,7 +145,7 @@ pub(super) struct Room<S> {
 impl<S> LiveSessions<S> {
     /// Sessions that have so much room, in each of which `queue` calls may wait for the permit.
     pub(super) fn new(room: Room<S>, queue: usize) -> Self {
-        Self { by_id: Mutex::default(), uses: AtomicU64::new(0), room, queue }
+        Self { by_id: Mutex::default(), since: std::time::Instant::now(), room, queue }
     }
 
     /// The session's entry in memory, made where there is none.
@@ -175,8 +177,21 @@ impl<S> LiveSessions<S> {
         }
     }
 
+    /// Drops the sessions that nobody uses or watches and that nobody has asked for in `idle`.
+    pub(super) fn forget_idle(&self, idle: Duration) {
+        let now = self.now();
+        let is_idle =
+            |live: &Live<S>| now.saturating_sub(live.last_used.load(Ordering::Relaxed)) > nanoseconds(idle);
+        // What they held is freed when the others may go on.
+        let _idle: Vec<_> = self.lock().extract_if(|_, live| is_free(live) && is_idle(live)).collect();
+    }
+
     fn touch(&self, live: &Live<S>) {
-        live.last_used.store(self.uses.fetch_add(1, Ordering::Relaxed), Ordering::Relaxed);
+        live.last_used.store(self.now(), Ordering::Relaxed);
+    }
+
+    fn now(&self) -> u64 {
+        nanoseconds(self.since.elapsed())
     }
 
     fn lock(&self) -> MutexGuard<'_, HashMap<String, Arc<Live<S>>>> {
@@ -195,17 +210,43 @@ impl<S> Room<S> {
 
 /// Drops the session that was used least recently and that nobody uses now; whether there is one.
 fn evict<S>(by_id: &mut HashMap<String, Arc<Live<S>>>) -> bool {
-    let idle = by_id.iter().filter(|(_, live)| Arc::strong_count(live) == 1 && !live.is_watched());
-    let oldest = idle.min_by_key(|(_, live)| live.last_used.load(Ordering::Relaxed));
+    let free = by_id.iter().filter(|(_, live)| is_free(live));
+    let oldest = free.min_by_key(|(_, live)| live.last_used.load(Ordering::Relaxed));
     oldest
         .map(|(session_id, _)| session_id.clone())
         .and_then(|session_id| by_id.remove(&session_id))
         .is_some()
 }
 
+/// Whether nobody uses a session now; asked while the map is held, so that nobody begins to.
+fn is_free<S>(live: &Arc<Live<S>>) -> bool {
+    Arc::strong_count(live) == 1 && !live.is_watched()
+}
+
+fn nanoseconds(duration: Duration) -> u64 {
+    u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[tokio::test]
+    async fn sessions_that_nobody_asks_for_or_watches_leave_memory() {
+        let room = Room { sessions: 100, bytes: usize::MAX, size: |_: &()| 0 };
+        let sessions = LiveSessions::new(room, 8);
+        let replayed = async || Ok(Replayed { state: Arc::new(()), head: Head::empty("watched") });
+        let _watch = sessions.get("watched").load(replayed).await.unwrap();
+        let _in_use = sessions.get("in-use");
+        sessions.get("idle");
+        sessions.forget_idle(Duration::from_secs(60));
+        assert_eq!(sessions.lock().len(), 3, "all were asked for just now");
+        std::thread::sleep(Duration::from_millis(2));
+        sessions.forget_idle(Duration::from_millis(1));
+        let mut left: Vec<String> = sessions.lock().keys().cloned().collect();
+        left.sort_unstable();
+        assert_eq!(left, ["in-use", "watched"]);
+    }
 
     #[test]
     fn the_least_recently_used_session_gives_way_unless_it_is_in_use() {

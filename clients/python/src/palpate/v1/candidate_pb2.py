@@ -17,15 +17,17 @@ from palpate.v1 import geometry_pb2 as palpate_dot_v1_dot_geometry__pb2
 from palpate.v1 import strategy_pb2 as palpate_dot_v1_dot_strategy__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1apalpate/v1/candidate.proto\x12\npalpate.v1\x1a\x1fgoogle/protobuf/timestamp.proto\x1a\x19palpate/v1/geometry.proto\x1a\x19palpate/v1/strategy.proto\"\xe1\x03\n\tCandidate\x12\x14\n\x0c\x63\x61ndidate_id\x18\x01 \x01(\t\x12\x0e\n\x06vertex\x18\x02 \x01(\r\x12\"\n\x05point\x18\x03 \x01(\x0b\x32\x13.palpate.v1.Vector3\x12#\n\x06normal\x18\x04 \x01(\x0b\x32\x13.palpate.v1.Vector3\x12(\n\x0bprobe_start\x18\x05 \x01(\x0b\x32\x13.palpate.v1.Vector3\x12&\n\tprobe_end\x18\x06 \x01(\x0b\x32\x13.palpate.v1.Vector3\x12\r\n\x05score\x18\x07 \x01(\x01\x12$\n\x05terms\x18\x08 \x03(\x0b\x32\x15.palpate.v1.ScoreTerm\x12\x13\n\x0buncertainty\x18\t \x01(\x01\x12\r\n\x05std_m\x18\n \x01(\x01\x12\x17\n\x0fmean_geodesic_m\x18\x0b \x01(\x01\x12\x14\n\x0c\x66\x61ilure_risk\x18\x0c \x01(\x01\x12\x11\n\tsensor_id\x18\r \x01(\t\x12#\n\ttool_pose\x18\x0e \x01(\x0b\x32\x10.palpate.v1.Pose\x12\x0f\n\x07relaxed\x18\x0f \x01(\x08\x12\x0b\n\x03why\x18\x10 \x01(\t\x12\x35\n\x11lease_expire_time\x18\x11 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\"\x8a\x01\n\x0cShadowChoice\x12&\n\x08strategy\x18\x01 \x01(\x0e\x32\x14.palpate.v1.Strategy\x12(\n\tcandidate\x18\x02 \x01(\x0b\x32\x15.palpate.v1.Candidate\x12(\n\thindsight\x18\x03 \x01(\x0e\x32\x15.palpate.v1.Hindsight\"8\n\tScoreTerm\x12\x0c\n\x04term\x18\x01 \x01(\t\x12\x0e\n\x06weight\x18\x02 \x01(\x01\x12\r\n\x05value\x18\x03 \x01(\x01\"\x93\x01\n\x08\x45xcluded\x12\x17\n\x0f\x61lready_certain\x18\x01 \x01(\r\x12\x1e\n\x16no_confident_neighbour\x18\x02 \x01(\r\x12\x10\n\x08keep_out\x18\x03 \x01(\r\x12\x0e\n\x06leased\x18\x04 \x01(\r\x12\x17\n\x0frecently_failed\x18\x05 \x01(\r\x12\x13\n\x0bunreachable\x18\x06 \x01(\r\"l\n\x0cRobotContext\x12\x10\n\x08robot_id\x18\x01 \x01(\t\x12#\n\ttool_pose\x18\x02 \x01(\x0b\x32\x10.palpate.v1.Pose\x12%\n\x08keep_out\x18\x03 \x03(\x0b\x32\x13.palpate.v1.KeepOut\"a\n\x07KeepOut\x12+\n\nhalf_space\x18\x01 \x01(\x0b\x32\x15.palpate.v1.HalfSpaceH\x00\x12 \n\x04\x62\x61ll\x18\x02 \x01(\x0b\x32\x10.palpate.v1.BallH\x00\x42\x07\n\x05shape\"B\n\tHalfSpace\x12#\n\x06normal\x18\x01 \x01(\x0b\x32\x13.palpate.v1.Vector3\x12\x10\n\x08offset_m\x18\x02 \x01(\x01\"=\n\x04\x42\x61ll\x12#\n\x06\x63\x65nter\x18\x01 \x01(\x0b\x32\x13.palpate.v1.Vector3\x12\x10\n\x08radius_m\x18\x02 \x01(\x01*b\n\tHindsight\x12\x19\n\x15HINDSIGHT_UNSPECIFIED\x10\x00\x12\x11\n\rHINDSIGHT_HIT\x10\x01\x12\x12\n\x0eHINDSIGHT_MISS\x10\x02\x12\x13\n\x0fHINDSIGHT_EARLY\x10\x03\x62\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1apalpate/v1/candidate.proto\x12\npalpate.v1\x1a\x1fgoogle/protobuf/timestamp.proto\x1a\x19palpate/v1/geometry.proto\x1a\x19palpate/v1/strategy.proto\"\xe1\x03\n\tCandidate\x12\x14\n\x0c\x63\x61ndidate_id\x18\x01 \x01(\t\x12\x0e\n\x06vertex\x18\x02 \x01(\r\x12\"\n\x05point\x18\x03 \x01(\x0b\x32\x13.palpate.v1.Vector3\x12#\n\x06normal\x18\x04 \x01(\x0b\x32\x13.palpate.v1.Vector3\x12(\n\x0bprobe_start\x18\x05 \x01(\x0b\x32\x13.palpate.v1.Vector3\x12&\n\tprobe_end\x18\x06 \x01(\x0b\x32\x13.palpate.v1.Vector3\x12\r\n\x05score\x18\x07 \x01(\x01\x12$\n\x05terms\x18\x08 \x03(\x0b\x32\x15.palpate.v1.ScoreTerm\x12\x13\n\x0buncertainty\x18\t \x01(\x01\x12\r\n\x05std_m\x18\n \x01(\x01\x12\x17\n\x0fmean_geodesic_m\x18\x0b \x01(\x01\x12\x14\n\x0c\x66\x61ilure_risk\x18\x0c \x01(\x01\x12\x11\n\tsensor_id\x18\r \x01(\t\x12#\n\ttool_pose\x18\x0e \x01(\x0b\x32\x10.palpate.v1.Pose\x12\x0f\n\x07relaxed\x18\x0f \x01(\x08\x12\x0b\n\x03why\x18\x10 \x01(\t\x12\x35\n\x11lease_expire_time\x18\x11 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\"\x8a\x01\n\x0cShadowChoice\x12&\n\x08strategy\x18\x01 \x01(\x0e\x32\x14.palpate.v1.Strategy\x12(\n\tcandidate\x18\x02 \x01(\x0b\x32\x15.palpate.v1.Candidate\x12(\n\thindsight\x18\x03 \x01(\x0e\x32\x15.palpate.v1.Hindsight\"8\n\tScoreTerm\x12\x0c\n\x04term\x18\x01 \x01(\t\x12\x0e\n\x06weight\x18\x02 \x01(\x01\x12\r\n\x05value\x18\x03 \x01(\x01\"\x93\x01\n\x08\x45xcluded\x12\x17\n\x0f\x61lready_certain\x18\x01 \x01(\r\x12\x1e\n\x16no_confident_neighbour\x18\x02 \x01(\r\x12\x10\n\x08keep_out\x18\x03 \x01(\r\x12\x0e\n\x06leased\x18\x04 \x01(\r\x12\x17\n\x0frecently_failed\x18\x05 \x01(\r\x12\x13\n\x0bunreachable\x18\x06 \x01(\r\"\xd2\x01\n\x0f\x45xplainedVertex\x12\x0e\n\x06vertex\x18\x01 \x01(\r\x12\r\n\x05score\x18\x02 \x01(\x01\x12$\n\x05terms\x18\x03 \x03(\x0b\x32\x15.palpate.v1.ScoreTerm\x12\x13\n\x0buncertainty\x18\x04 \x01(\x01\x12\r\n\x05std_m\x18\x05 \x01(\x01\x12\x17\n\x0fmean_geodesic_m\x18\x06 \x01(\x01\x12\x14\n\x0c\x66\x61ilure_risk\x18\x07 \x01(\x01\x12\'\n\x08\x65xcluded\x18\x08 \x01(\x0e\x32\x15.palpate.v1.Exclusion\"l\n\x0cRobotContext\x12\x10\n\x08robot_id\x18\x01 \x01(\t\x12#\n\ttool_pose\x18\x02 \x01(\x0b\x32\x10.palpate.v1.Pose\x12%\n\x08keep_out\x18\x03 \x03(\x0b\x32\x13.palpate.v1.KeepOut\"a\n\x07KeepOut\x12+\n\nhalf_space\x18\x01 \x01(\x0b\x32\x15.palpate.v1.HalfSpaceH\x00\x12 \n\x04\x62\x61ll\x18\x02 \x01(\x0b\x32\x10.palpate.v1.BallH\x00\x42\x07\n\x05shape\"B\n\tHalfSpace\x12#\n\x06normal\x18\x01 \x01(\x0b\x32\x13.palpate.v1.Vector3\x12\x10\n\x08offset_m\x18\x02 \x01(\x01\"=\n\x04\x42\x61ll\x12#\n\x06\x63\x65nter\x18\x01 \x01(\x0b\x32\x13.palpate.v1.Vector3\x12\x10\n\x08radius_m\x18\x02 \x01(\x01*b\n\tHindsight\x12\x19\n\x15HINDSIGHT_UNSPECIFIED\x10\x00\x12\x11\n\rHINDSIGHT_HIT\x10\x01\x12\x12\n\x0eHINDSIGHT_MISS\x10\x02\x12\x13\n\x0fHINDSIGHT_EARLY\x10\x03*\xef\x01\n\tExclusion\x12\x19\n\x15\x45XCLUSION_UNSPECIFIED\x10\x00\x12\x1d\n\x19\x45XCLUSION_ALREADY_CERTAIN\x10\x01\x12$\n EXCLUSION_NO_CONFIDENT_NEIGHBOUR\x10\x02\x12\x16\n\x12\x45XCLUSION_KEEP_OUT\x10\x03\x12\x14\n\x10\x45XCLUSION_LEASED\x10\x04\x12\x1d\n\x19\x45XCLUSION_RECENTLY_FAILED\x10\x05\x12\x19\n\x15\x45XCLUSION_UNREACHABLE\x10\x06\x12\x1a\n\x16\x45XCLUSION_NOT_COMPARED\x10\x07\x62\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'palpate.v1.candidate_pb2', _globals)
 if _descriptor._USE_C_DESCRIPTORS == False:
   DESCRIPTOR._options = None
-  _globals['_HINDSIGHT']._serialized_start=1302
-  _globals['_HINDSIGHT']._serialized_end=1400
+  _globals['_HINDSIGHT']._serialized_start=1515
+  _globals['_HINDSIGHT']._serialized_end=1613
+  _globals['_EXCLUSION']._serialized_start=1616
+  _globals['_EXCLUSION']._serialized_end=1855
   _globals['_CANDIDATE']._serialized_start=130
   _globals['_CANDIDATE']._serialized_end=611
   _globals['_SHADOWCHOICE']._serialized_start=614
@@ -34,12 +36,14 @@ if _descriptor._USE_C_DESCRIPTORS == False:
   _globals['_SCORETERM']._serialized_end=810
   _globals['_EXCLUDED']._serialized_start=813
   _globals['_EXCLUDED']._serialized_end=960
-  _globals['_ROBOTCONTEXT']._serialized_start=962
-  _globals['_ROBOTCONTEXT']._serialized_end=1070
-  _globals['_KEEPOUT']._serialized_start=1072
-  _globals['_KEEPOUT']._serialized_end=1169
-  _globals['_HALFSPACE']._serialized_start=1171
-  _globals['_HALFSPACE']._serialized_end=1237
-  _globals['_BALL']._serialized_start=1239
-  _globals['_BALL']._serialized_end=1300
+  _globals['_EXPLAINEDVERTEX']._serialized_start=963
+  _globals['_EXPLAINEDVERTEX']._serialized_end=1173
+  _globals['_ROBOTCONTEXT']._serialized_start=1175
+  _globals['_ROBOTCONTEXT']._serialized_end=1283
+  _globals['_KEEPOUT']._serialized_start=1285
+  _globals['_KEEPOUT']._serialized_end=1382
+  _globals['_HALFSPACE']._serialized_start=1384
+  _globals['_HALFSPACE']._serialized_end=1450
+  _globals['_BALL']._serialized_start=1452
+  _globals['_BALL']._serialized_end=1513
 # @@protoc_insertion_point(module_scope)

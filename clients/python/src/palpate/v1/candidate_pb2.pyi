@@ -15,10 +15,29 @@ class Hindsight(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     HINDSIGHT_HIT: _ClassVar[Hindsight]
     HINDSIGHT_MISS: _ClassVar[Hindsight]
     HINDSIGHT_EARLY: _ClassVar[Hindsight]
+
+class Exclusion(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    EXCLUSION_UNSPECIFIED: _ClassVar[Exclusion]
+    EXCLUSION_ALREADY_CERTAIN: _ClassVar[Exclusion]
+    EXCLUSION_NO_CONFIDENT_NEIGHBOUR: _ClassVar[Exclusion]
+    EXCLUSION_KEEP_OUT: _ClassVar[Exclusion]
+    EXCLUSION_LEASED: _ClassVar[Exclusion]
+    EXCLUSION_RECENTLY_FAILED: _ClassVar[Exclusion]
+    EXCLUSION_UNREACHABLE: _ClassVar[Exclusion]
+    EXCLUSION_NOT_COMPARED: _ClassVar[Exclusion]
 HINDSIGHT_UNSPECIFIED: Hindsight
 HINDSIGHT_HIT: Hindsight
 HINDSIGHT_MISS: Hindsight
 HINDSIGHT_EARLY: Hindsight
+EXCLUSION_UNSPECIFIED: Exclusion
+EXCLUSION_ALREADY_CERTAIN: Exclusion
+EXCLUSION_NO_CONFIDENT_NEIGHBOUR: Exclusion
+EXCLUSION_KEEP_OUT: Exclusion
+EXCLUSION_LEASED: Exclusion
+EXCLUSION_RECENTLY_FAILED: Exclusion
+EXCLUSION_UNREACHABLE: Exclusion
+EXCLUSION_NOT_COMPARED: Exclusion
 
 class Candidate(_message.Message):
     __slots__ = ("candidate_id", "vertex", "point", "normal", "probe_start", "probe_end", "score", "terms", "uncertainty", "std_m", "mean_geodesic_m", "failure_risk", "sensor_id", "tool_pose", "relaxed", "why", "lease_expire_time")
@@ -93,6 +112,26 @@ class Excluded(_message.Message):
     recently_failed: int
     unreachable: int
     def __init__(self, already_certain: _Optional[int] = ..., no_confident_neighbour: _Optional[int] = ..., keep_out: _Optional[int] = ..., leased: _Optional[int] = ..., recently_failed: _Optional[int] = ..., unreachable: _Optional[int] = ...) -> None: ...
+
+class ExplainedVertex(_message.Message):
+    __slots__ = ("vertex", "score", "terms", "uncertainty", "std_m", "mean_geodesic_m", "failure_risk", "excluded")
+    VERTEX_FIELD_NUMBER: _ClassVar[int]
+    SCORE_FIELD_NUMBER: _ClassVar[int]
+    TERMS_FIELD_NUMBER: _ClassVar[int]
+    UNCERTAINTY_FIELD_NUMBER: _ClassVar[int]
+    STD_M_FIELD_NUMBER: _ClassVar[int]
+    MEAN_GEODESIC_M_FIELD_NUMBER: _ClassVar[int]
+    FAILURE_RISK_FIELD_NUMBER: _ClassVar[int]
+    EXCLUDED_FIELD_NUMBER: _ClassVar[int]
+    vertex: int
+    score: float
+    terms: _containers.RepeatedCompositeFieldContainer[ScoreTerm]
+    uncertainty: float
+    std_m: float
+    mean_geodesic_m: float
+    failure_risk: float
+    excluded: Exclusion
+    def __init__(self, vertex: _Optional[int] = ..., score: _Optional[float] = ..., terms: _Optional[_Iterable[_Union[ScoreTerm, _Mapping]]] = ..., uncertainty: _Optional[float] = ..., std_m: _Optional[float] = ..., mean_geodesic_m: _Optional[float] = ..., failure_risk: _Optional[float] = ..., excluded: _Optional[_Union[Exclusion, str]] = ...) -> None: ...
 
 class RobotContext(_message.Message):
     __slots__ = ("robot_id", "tool_pose", "keep_out")

@@ -72,34 +72,38 @@ class SetAside(_message.Message):
     def __init__(self, repeated_points: _Optional[int] = ..., support_points: _Optional[int] = ..., isolated_points: _Optional[int] = ..., flying_points: _Optional[int] = ..., points_f32_le: _Optional[bytes] = ..., support: _Optional[_Union[_candidate_pb2.HalfSpace, _Mapping]] = ...) -> None: ...
 
 class ProposeContactsRequest(_message.Message):
-    __slots__ = ("session_id", "top_k", "robot", "lease", "request_id")
+    __slots__ = ("session_id", "top_k", "robot", "lease", "request_id", "explain_vertices")
     SESSION_ID_FIELD_NUMBER: _ClassVar[int]
     TOP_K_FIELD_NUMBER: _ClassVar[int]
     ROBOT_FIELD_NUMBER: _ClassVar[int]
     LEASE_FIELD_NUMBER: _ClassVar[int]
     REQUEST_ID_FIELD_NUMBER: _ClassVar[int]
+    EXPLAIN_VERTICES_FIELD_NUMBER: _ClassVar[int]
     session_id: str
     top_k: int
     robot: _candidate_pb2.RobotContext
     lease: _duration_pb2.Duration
     request_id: str
-    def __init__(self, session_id: _Optional[str] = ..., top_k: _Optional[int] = ..., robot: _Optional[_Union[_candidate_pb2.RobotContext, _Mapping]] = ..., lease: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ..., request_id: _Optional[str] = ...) -> None: ...
+    explain_vertices: _containers.RepeatedScalarFieldContainer[int]
+    def __init__(self, session_id: _Optional[str] = ..., top_k: _Optional[int] = ..., robot: _Optional[_Union[_candidate_pb2.RobotContext, _Mapping]] = ..., lease: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ..., request_id: _Optional[str] = ..., explain_vertices: _Optional[_Iterable[int]] = ...) -> None: ...
 
 class ProposeContactsResponse(_message.Message):
-    __slots__ = ("revision", "candidates", "excluded", "should_stop", "warnings", "warning_details")
+    __slots__ = ("revision", "candidates", "excluded", "should_stop", "warnings", "warning_details", "explained")
     REVISION_FIELD_NUMBER: _ClassVar[int]
     CANDIDATES_FIELD_NUMBER: _ClassVar[int]
     EXCLUDED_FIELD_NUMBER: _ClassVar[int]
     SHOULD_STOP_FIELD_NUMBER: _ClassVar[int]
     WARNINGS_FIELD_NUMBER: _ClassVar[int]
     WARNING_DETAILS_FIELD_NUMBER: _ClassVar[int]
+    EXPLAINED_FIELD_NUMBER: _ClassVar[int]
     revision: int
     candidates: _containers.RepeatedCompositeFieldContainer[_candidate_pb2.Candidate]
     excluded: _candidate_pb2.Excluded
     should_stop: _session_pb2.StopReason
     warnings: _containers.RepeatedScalarFieldContainer[str]
     warning_details: _containers.RepeatedCompositeFieldContainer[_warning_pb2.Warning]
-    def __init__(self, revision: _Optional[int] = ..., candidates: _Optional[_Iterable[_Union[_candidate_pb2.Candidate, _Mapping]]] = ..., excluded: _Optional[_Union[_candidate_pb2.Excluded, _Mapping]] = ..., should_stop: _Optional[_Union[_session_pb2.StopReason, str]] = ..., warnings: _Optional[_Iterable[str]] = ..., warning_details: _Optional[_Iterable[_Union[_warning_pb2.Warning, _Mapping]]] = ...) -> None: ...
+    explained: _containers.RepeatedCompositeFieldContainer[_candidate_pb2.ExplainedVertex]
+    def __init__(self, revision: _Optional[int] = ..., candidates: _Optional[_Iterable[_Union[_candidate_pb2.Candidate, _Mapping]]] = ..., excluded: _Optional[_Union[_candidate_pb2.Excluded, _Mapping]] = ..., should_stop: _Optional[_Union[_session_pb2.StopReason, str]] = ..., warnings: _Optional[_Iterable[str]] = ..., warning_details: _Optional[_Iterable[_Union[_warning_pb2.Warning, _Mapping]]] = ..., explained: _Optional[_Iterable[_Union[_candidate_pb2.ExplainedVertex, _Mapping]]] = ...) -> None: ...
 
 class ReportContactRequest(_message.Message):
     __slots__ = ("session_id", "result", "expected_revision", "request_id", "propose", "robot")
