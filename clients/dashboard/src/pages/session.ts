@@ -45,6 +45,7 @@ export class SessionPage implements Page {
   #player?: number;
   #isClosed = false;
   #seriesDue?: number;
+  #notePlaceDue?: number;
   #hasReference = false;
 
   #head = h("header", { className: "session-head" });
@@ -77,6 +78,7 @@ export class SessionPage implements Page {
     this.#abort.abort();
     this.#asked?.abort();
     this.#timers.forEach((timer) => clearTimeout(timer));
+    clearTimeout(this.#notePlaceDue);
     clearInterval(this.#player);
     this.#charts.close();
     this.#viewer.close();
@@ -115,7 +117,11 @@ export class SessionPage implements Page {
     this.#charts.onPick = (revision) => this.#go(revision);
     this.#viewer.onPick = (picked) => this.#tellPicked(picked);
     this.#viewer.onHover = (vertex) => this.#legend.point(vertex);
-    this.#viewer.onCamera = () => this.#later(300, () => this.#noteplace());
+    this.#viewer.onCamera = () => {
+      // The address follows when the camera rests: browsers limit how often it may change.
+      clearTimeout(this.#notePlaceDue);
+      this.#notePlaceDue = window.setTimeout(() => this.#noteplace(), 300);
+    };
   }
 
   get #shown(): number {
