@@ -24,7 +24,7 @@ export class SessionsPage implements Page {
   #problem = h("div");
   #body = h("tbody");
   #count = h("span", { className: "quiet", role: "status" }, "Loading…");
-  #filter = h("input", { type: "search", placeholder: "Filter by id, name, state, experiment:NAME or label:VALUE", "aria-label": "Filter", list: "filters", oninput: () => this.#show() });
+  #filter = h("input", { type: "search", placeholder: "Filter by id, name, state, experiment:NAME or LABEL:VALUE", "aria-label": "Filter", list: "filters", oninput: () => this.#show() });
   #filters = h("datalist", { id: "filters" });
   #compare = h("button", { type: "button", disabled: true, onclick: () => (location.hash = linkTo({ page: "compare", ids: [...this.#chosen] })) }, "Compare");
 
