@@ -46,6 +46,19 @@ test("green to red, or cividis, which has neither", async () => {
   await until("millimetres", async () => /0\.00 mm[\s\S]*\d\.\d\d mm/.test(await on.page.locator(".legend .ends").innerText()));
 });
 
+test("the view is as fine after it was turned as before, however slow drawing is", async () => {
+  await on.open(`#/session/${doubting.session_id}`);
+  await until("a surface", async () => (await drawn(on.page)).share > 0.03);
+  const width = () => on.page.evaluate(() => document.querySelector(".view canvas").width);
+  const [before, { hash }] = [await width(), await drawn(on.page)];
+  const box = await on.page.locator(".view canvas").boundingBox();
+  await on.page.mouse.move(box.x + 200, box.y + 300);
+  await on.page.mouse.down();
+  for (let step = 1; step <= 40; step++) await on.page.mouse.move(box.x + 200 + 5 * step, box.y + 300 + step);
+  await on.page.mouse.up();
+  await until("it is seen from elsewhere, and fine", async () => (await width()) === before && (await drawn(on.page)).hash !== hash);
+});
+
 test("the truth is a ghost that can be hidden, and what is hidden stays so at other revisions", async () => {
   const { session_id } = await on.server.ask("/v1/simulations", { object: "can", attempts: 3 });
   await on.open(`#/session/${session_id}`);

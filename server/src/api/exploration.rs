@@ -8,6 +8,7 @@ use palpate_proto::v1;
 use palpate_proto::v1::event::Kind;
 use tokio::time::Instant;
 
+use super::lease::Wish;
 use super::{Api, Call, computed, request_key, stored};
 use crate::compute::{Queue, Work};
 use crate::error::{Error, FieldViolation};
@@ -128,7 +129,8 @@ impl Api {
         if let Some(wanted) = lease {
             let duration =
                 from_proto::lease_duration(names.lease, wanted, names.robot, &question, &self.limits)?;
-            return self.lease(session_id, question, duration, key, actor, names, deadline).await;
+            let wish = Wish { question, duration, explain_field: names.explain };
+            return self.lease(session_id, wish, key, actor, deadline).await;
         }
         let snapshot = self.sessions.newest(&session_id, deadline).await?;
         if snapshot.state == SessionState::Finished {
@@ -138,7 +140,7 @@ impl Api {
         if snapshot.reconstruction.last_estimate().is_none() {
             return Err(Error::NoVisualPrior);
         }
-        check_explained(&snapshot, &question, names)?;
+        check_explained(&snapshot, &question, names.explain)?;
         let propose = move || answer(&snapshot, &question, &snapshot.propose(&question, now_us()));
         self.sessions.pool.run(Queue::ROBOTS, Work::Proposal, &session_id, deadline, propose).await
     }
@@ -260,17 +262,13 @@ fn next_candidates(after: &Snapshot, wanted: &Question) -> Vec<v1::Candidate> {
 }
 
 /// Refuses vertices that the newest surface does not have.
-pub(super) fn check_explained(
-    snapshot: &Snapshot,
-    question: &Question,
-    names: FieldNames,
-) -> Result<(), Error> {
+pub(super) fn check_explained(snapshot: &Snapshot, question: &Question, field: &str) -> Result<(), Error> {
     let vertices = snapshot.reconstruction.surface().map_or(0, |surface| surface.mesh.vertices.len());
     let asked = question.request.asked();
     match asked.iter().enumerate().find(|(_, vertex)| **vertex as usize >= vertices) {
         None => Ok(()),
         Some((index, vertex)) => Err(Error::field(
-            format!("{}[{index}]", names.explain),
+            format!("{field}[{index}]"),
             format!("{vertex} is no vertex of revision {}, which has {vertices}, from 0", snapshot.revision),
         )),
     }

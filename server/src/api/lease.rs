@@ -11,7 +11,7 @@ use palpate_proto::v1::event::Kind;
 use prost::Message;
 use tokio::time::Instant;
 
-use super::exploration::{FieldNames, answer, check_explained};
+use super::exploration::{answer, check_explained};
 use super::{Api, appended, stored};
 use crate::compute::Work;
 use crate::error::Error;
@@ -20,19 +20,25 @@ use crate::session::{Question, Snapshot};
 use crate::sessions::{Change, Decision, RequestKey};
 use crate::wire::{event, from_proto, to_proto};
 
+/// What is asked for, and for how long.
+pub(super) struct Wish {
+    pub(super) question: Question,
+    pub(super) duration: Duration,
+    /// Where the caller wrote the vertices that are asked about.
+    pub(super) explain_field: &'static str,
+}
+
 impl Api {
     pub(super) async fn lease(
         &self,
         session_id: String,
-        question: Question,
-        duration: Duration,
+        wish: Wish,
         request: RequestKey,
         actor: &str,
-        names: FieldNames,
         deadline: Instant,
     ) -> Result<v1::ProposeContactsResponse, Error> {
         let limits = self.limits.clone();
-        let compute = move |before: &Snapshot| promise(before, &question, duration, names, &limits);
+        let compute = move |before: &Snapshot| promise(before, &wish, &limits);
         let change = Change {
             session_id,
             request,
@@ -48,15 +54,13 @@ impl Api {
 /// The candidates, and the event that promises them.
 fn promise(
     before: &Snapshot,
-    question: &Question,
-    duration: Duration,
-    names: FieldNames,
+    Wish { question, duration, explain_field }: &Wish,
     limits: &Limits,
 ) -> Result<Decision<Snapshot>, Error> {
     if before.reconstruction.last_estimate().is_none() {
         return Err(Error::NoVisualPrior);
     }
-    check_explained(before, question, names)?;
+    check_explained(before, question, explain_field)?;
     let at_us = before.next_event_us();
     let proposal = before.propose(question, at_us);
     if proposal.candidates.is_empty() {

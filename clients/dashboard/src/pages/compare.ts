@@ -29,6 +29,7 @@ export class ComparePage implements Page {
   #table = h("table");
   #abort = new AbortController();
   #isLinking = false;
+  #noteDue?: number;
   /** Whether the address says where the camera is. */
   #hasCamera: boolean;
 
@@ -51,6 +52,7 @@ export class ComparePage implements Page {
 
   close(): void {
     this.#abort.abort();
+    clearTimeout(this.#noteDue);
     for (const { live, viewer } of this.#sides) {
       live.close();
       viewer.close();
@@ -69,7 +71,8 @@ export class ComparePage implements Page {
     this.#isLinking = true;
     for (const { viewer } of this.#sides) if (viewer !== from.viewer) viewer.camera = from.viewer.camera;
     this.#isLinking = false;
-    note({ page: "compare", ids: this.#sides.map(({ live }) => live.id), camera: from.viewer.camera });
+    clearTimeout(this.#noteDue);
+    this.#noteDue = window.setTimeout(() => note({ page: "compare", ids: this.#sides.map(({ live }) => live.id), camera: from.viewer.camera }), 300);
   }
 
   async #changed(side: Side): Promise<void> {

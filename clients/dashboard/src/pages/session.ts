@@ -36,7 +36,8 @@ export class SessionPage implements Page {
   #rows: api.SeriesRow[] = [];
   /** The revision that is looked at; none follows the newest. */
   #at?: number;
-  #wanted = 0;
+  /** The surface that is on its way. */
+  #loading?: { stop: AbortController; isLive: boolean };
   #drawn = "";
   #abort = new AbortController();
   /** Of the question for the score of a picked vertex. */
@@ -45,6 +46,7 @@ export class SessionPage implements Page {
   #player?: number;
   #isClosed = false;
   #seriesDue?: number;
+  #notePlaceDue?: number;
   #hasReference = false;
 
   #head = h("header", { className: "session-head" });
@@ -77,6 +79,7 @@ export class SessionPage implements Page {
     this.#abort.abort();
     this.#asked?.abort();
     this.#timers.forEach((timer) => clearTimeout(timer));
+    clearTimeout(this.#notePlaceDue);
     clearInterval(this.#player);
     this.#charts.close();
     this.#viewer.close();
@@ -115,7 +118,11 @@ export class SessionPage implements Page {
     this.#charts.onPick = (revision) => this.#go(revision);
     this.#viewer.onPick = (picked) => this.#tellPicked(picked);
     this.#viewer.onHover = (vertex) => this.#legend.point(vertex);
-    this.#viewer.onCamera = () => this.#later(300, () => this.#noteplace());
+    this.#viewer.onCamera = () => {
+      // The address follows when the camera rests: browsers limit how often it may change.
+      clearTimeout(this.#notePlaceDue);
+      this.#notePlaceDue = window.setTimeout(() => this.#noteplace(), 300);
+    };
   }
 
   get #shown(): number {
@@ -200,24 +207,35 @@ export class SessionPage implements Page {
     this.#showFacts(revision);
     this.#charts.show(this.#rows, revision);
     if (!revision) return;
-    this.#wanted = revision;
+    const isLive = this.#at === undefined;
+    // What follows a robot is drawn before the next one is asked for: one that is faster than the network would else
+    // never be seen. Who scrubs wants the last one alone.
+    if (isLive && this.#loading?.isLive) return;
+    this.#loading?.stop.abort();
+    const loading = { stop: new AbortController(), isLive };
+    this.#loading = loading;
     try {
-      const surface = await this.#surface(revision);
-      if (this.#isClosed || this.#wanted !== revision) return;
+      const surface = await this.#surface(revision, AbortSignal.any([this.#abort.signal, loading.stop.signal]));
+      if (this.#isClosed || this.#loading !== loading) return;
       clear(this.#problem);
       this.#draw(revision, surface);
-      if (this.#at === undefined) await this.#loadCandidates(revision);
-      else void this.#surface(Math.min(revision + 1, this.#live.revision)).catch(() => undefined);
+      if (!isLive) void this.#surface(Math.min(revision + 1, this.#live.revision), this.#abort.signal).catch(() => undefined);
+      else if (revision === this.#live.revision) await this.#loadCandidates(revision);
     } catch (error) {
-      if (this.#isClosed || this.#wanted !== revision || (error as Error).name === "AbortError") return;
+      if (this.#isClosed || this.#loading !== loading || (error as Error).name === "AbortError") return;
       if (!(error instanceof api.Unreachable)) clear(this.#problem, explained(error));
       this.#later(1000, () => void this.#update());
+    } finally {
+      if (this.#loading === loading) {
+        this.#loading = undefined;
+        if (isLive && this.#at === undefined && revision !== this.#live.revision && !this.#isClosed) void this.#update();
+      }
     }
   }
 
-  async #surface(revision: number): Promise<Surface | undefined> {
+  async #surface(revision: number, signal: AbortSignal): Promise<Surface | undefined> {
     if (this.#surfaces.has(revision)) return this.#surfaces.get(revision);
-    const file = await api.surface(this.title, revision, this.#abort.signal);
+    const file = await api.surface(this.title, revision, signal);
     const surface = file && readSurface(file);
     this.#surfaces.set(revision, surface);
     if (this.#surfaces.size > KEPT) this.#surfaces.delete(this.#surfaces.keys().next().value!);

@@ -24,7 +24,7 @@ export class SessionsPage implements Page {
   #problem = h("div");
   #body = h("tbody");
   #count = h("span", { className: "quiet", role: "status" }, "Loading…");
-  #filter = h("input", { type: "search", placeholder: "Filter by id, name, state, experiment:NAME or label:VALUE", "aria-label": "Filter", list: "filters", oninput: () => this.#show() });
+  #filter = h("input", { type: "search", placeholder: "Filter by id, name, state, experiment:NAME or LABEL:VALUE", "aria-label": "Filter", list: "filters", oninput: () => this.#show() });
   #filters = h("datalist", { id: "filters" });
   #compare = h("button", { type: "button", disabled: true, onclick: () => (location.hash = linkTo({ page: "compare", ids: [...this.#chosen] })) }, "Compare");
 
@@ -140,9 +140,9 @@ export class SessionsPage implements Page {
       h("td", {}, session.experiment ? h("a", { href: linkTo({ page: "experiment", ids: [session.experiment] }) }, session.experiment) : "", h("div", { className: "labels" }, ...Object.entries(session.labels ?? {}).map(([name, value]) => h("button", { type: "button", id: `label-${id}-${name}`, title: "Only sessions with this label", onclick: () => this.#filterBy(`${name}:${value}`) }, `${name}: ${value}`)))),
       h("td", {}, h("span", { className: `state ${plain(session.state, "SESSION_STATE_").replaceAll(" ", "-")}` }, plain(session.state, "SESSION_STATE_"))),
       h("td", {}, most ? h("progress", { max: most, value: Math.min(stats?.attempts ?? 0, most), "aria-label": "attempts" }) : undefined, ` ${stats?.attempts ?? 0}${most ? ` of ${most}` : ""}`),
-      h("td", {}, stats?.failures ?? 0),
-      h("td", {}, curve && curve.length > 1 ? sparkline(curve) : undefined, ` ${share(stats?.mean_uncertainty)}`),
-      h("td", {}, millimetres(stats?.mean_std_m, 2)),
+      h("td", { "data-name": "failures" }, stats?.failures ?? 0),
+      h("td", { "data-name": "uncertainty" }, curve && curve.length > 1 ? sparkline(curve) : undefined, ` ${share(stats?.mean_uncertainty)}`),
+      h("td", { "data-name": "deviation" }, millimetres(stats?.mean_std_m, 2)),
       h("td", {}, session.update_time ? ago(session.update_time) : ""),
     );
   }

@@ -44,7 +44,7 @@ function points(shape: "disc" | "ring" | "cross", colour: number, size: number, 
   geometry.setAttribute("position", new THREE.Float32BufferAttribute(places, 3));
   const material = new THREE.PointsMaterial({
     color: colour,
-    size: size * Math.min(devicePixelRatio, 2),
+    size,
     sizeAttenuation: false,
     map: pictures[shape],
     alphaTest: 0.5,

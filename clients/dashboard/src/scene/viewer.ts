@@ -20,6 +20,9 @@ export interface Colouring {
 export type Picked = { vertex: number; at: THREE.Vector3 } | Mark;
 
 const DIRECTIONS: Record<Side, [number, number, number]> = { top: [0, 0, 1], front: [0, -1, 0], side: [1, 0, 0] };
+/** Frames that take longer while the view is turned, in milliseconds, are drawn coarser until it rests. */
+const SLOW_MS = 34;
+const COARSE = 0.5;
 /** A click that moves further than this, in pixels, turns the view. */
 const CLICK_PX = 4;
 
@@ -47,6 +50,8 @@ export class Viewer {
   #isQueued = false;
   #hasFit = false;
   #observer: ResizeObserver;
+  /** Of the frames while the view is turned: when the last one was drawn, and how long they take on average. */
+  #turning?: { last: number; mean: number; isCoarse: boolean };
   #caster = new THREE.Raycaster();
 
   constructor() {
@@ -71,6 +76,12 @@ export class Viewer {
     this.#controls.addEventListener("change", () => {
       this.draw();
       this.onCamera?.();
+    });
+    this.#controls.addEventListener("start", () => (this.#turning = { last: 0, mean: 0, isCoarse: false }));
+    this.#controls.addEventListener("end", () => {
+      const wasCoarse = this.#turning?.isCoarse;
+      this.#turning = undefined;
+      if (wasCoarse) this.#resize();
     });
     this.#makeAxes();
     this.#listen(canvas);
@@ -202,10 +213,25 @@ export class Viewer {
   draw(): void {
     if (this.#isQueued) return;
     this.#isQueued = true;
-    requestAnimationFrame(() => {
+    requestAnimationFrame((now) => {
       this.#isQueued = false;
+      this.#keepPace(now);
       this.#render();
     });
+  }
+
+  /** Draws coarser while the view is turned where frames take too long, as without a graphics card. */
+  #keepPace(now: number): void {
+    const turning = this.#turning;
+    if (!turning || turning.isCoarse) return;
+    const took = now - turning.last;
+    turning.last = now;
+    // A hand that rests between two frames is no slow frame.
+    if (took > 250) return;
+    turning.mean = turning.mean ? 0.8 * turning.mean + 0.2 * took : took;
+    if (turning.mean <= SLOW_MS) return;
+    turning.isCoarse = true;
+    this.#resize();
   }
 
   #render(): void {
@@ -282,7 +308,7 @@ export class Viewer {
   #resize(): void {
     const { clientWidth: width, clientHeight: height } = this.element;
     if (!width || !height) return;
-    this.#renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    this.#renderer.setPixelRatio(Math.min(devicePixelRatio, 2) * (this.#turning?.isCoarse ? COARSE : 1));
     this.#renderer.setSize(width, height, false);
     this.#camera.aspect = width / height;
     this.#camera.updateProjectionMatrix();
