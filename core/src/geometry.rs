@@ -2,6 +2,7 @@
 //!
 //! Points and vectors are `f64`, in metres, in the session's frame unless a name says otherwise.
 
+mod boxes;
 mod cloud;
 mod connectivity;
 mod face_tree;

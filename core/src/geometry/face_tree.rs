@@ -1,29 +1,28 @@
-//! Closest points on a mesh whose faces come in the order of a subdivision, such as an icosphere's: of every four
-//! faces in turn one box, of every four boxes another, and so on. Nothing is sorted, so that a tree is made anew
-//! with every template.
+//! Closest points on a mesh whose faces come in the order of a subdivision, such as an icosphere's: faces that follow
+//! each other lie together, so there is a box around each face, and one around every sixteen. Nothing is sorted, so
+//! that a tree is made anew with every template.
 
+use super::boxes::{Boxes, LANES};
 use super::{ClosestPoint, Point, TriangleMesh, Vector};
-use crate::vectorised::larger;
+use crate::vectorised::widest;
 
-/// Boxes, or faces, in one larger box.
-const CHILDREN: usize = 4;
-/// No more boxes than this are looked at one by one.
-const MOST_ROOTS: usize = 80;
-
-/// The coordinates of the lowest corners of some boxes, then of their highest ones, each for all four.
-type Boxes = [[f64; CHILDREN]; 6];
+/// Squared distances that differ by no more than this share are equal: faces that meet in the nearest point differ in
+/// rounding alone, which shall not choose among them.
+const TIE: f64 = 1e-9;
 
 /// A tree of boxes over the faces of a mesh.
 #[derive(Debug)]
 pub struct FaceTree {
-    /// From the faces up: the boxes of each level in groups of four.
-    levels: Vec<Vec<Boxes>>,
+    /// A box around each face.
+    faces: Boxes,
+    /// A box around each group of those.
+    groups: Boxes,
 }
 
 /// What has been found so far.
 struct Search<'a> {
     mesh: &'a TriangleMesh,
-    to: [f64; 3],
+    to: Point,
     square: f64,
     found: (Point, usize),
 }
@@ -35,95 +34,56 @@ impl FaceTree {
             let [a, b, c] = mesh.corners(face);
             (a.inf(&b).inf(&c), a.sup(&b).sup(&c))
         };
-        let mut boxes: Vec<(Point, Point)> = (0..mesh.faces.len()).map(of_face).collect();
-        if boxes.is_empty() {
+        let faces: Vec<(Point, Point)> = (0..mesh.faces.len()).map(of_face).collect();
+        if faces.is_empty() {
             return None;
         }
-        let mut levels = Vec::new();
-        loop {
-            levels.push(boxes.chunks(CHILDREN).map(together).collect());
-            if boxes.len() <= MOST_ROOTS {
-                return Some(Self { levels });
-            }
-            let around = |boxes: &[(Point, Point)]| {
-                boxes.iter().fold(boxes[0], |(low, high), other| (low.inf(&other.0), high.sup(&other.1)))
-            };
-            boxes = boxes.chunks(CHILDREN).map(around).collect();
-        }
+        let around = |boxes: &[(Point, Point)]| {
+            boxes.iter().fold(boxes[0], |(low, high), other| (low.inf(&other.0), high.sup(&other.1)))
+        };
+        let groups: Vec<(Point, Point)> = faces.chunks(LANES).map(around).collect();
+        Some(Self { faces: Boxes::new(&faces), groups: Boxes::new(&groups) })
     }
 
-    /// The point of the mesh nearest to another. The mesh is the one that the tree was made for.
+    /// The point of the mesh nearest to another, on the first of the faces that meet there. The mesh is the one that
+    /// the tree was made for.
     pub fn closest(&self, mesh: &TriangleMesh, to: &Point) -> ClosestPoint {
         debug_assert!(to.coords.iter().all(|x| x.is_finite()));
+        let mut search = Search { mesh, to: *to, square: f64::INFINITY, found: (mesh.vertices[0], 0) };
         let to = [to.x, to.y, to.z];
-        let mut search = Search { mesh, to, square: f64::INFINITY, found: (mesh.vertices[0], 0) };
-        let top = self.levels.len() - 1;
-        let mut roots: Vec<(f64, usize)> = self.levels[top]
-            .iter()
-            .enumerate()
-            .map(|(group, boxes)| (squares(boxes, &to).into_iter().fold(f64::INFINITY, f64::min), group))
-            .collect();
-        roots.sort_by(|a, b| a.0.total_cmp(&b.0));
-        for (square, group) in roots {
-            if square < search.square {
-                self.descend(top, group, &mut search);
-            }
-        }
+        widest(
+            #[inline(always)]
+            || {
+                self.groups.look_into(
+                    self.groups.all(),
+                    &to,
+                    f64::INFINITY,
+                    #[inline(always)]
+                    |group| {
+                        let within = search.square * (1.0 + TIE);
+                        self.faces.look_into(group..group + 1, &to, within, |face| search.try_face(face));
+                        search.square * (1.0 + TIE)
+                    },
+                );
+            },
+        );
         let (point, face) = search.found;
         ClosestPoint { point, face, distance_m: search.square.sqrt() }
-    }
-
-    /// Looks into the boxes of a group, the nearest first.
-    fn descend(&self, level: usize, group: usize, search: &mut Search<'_>) {
-        let mut open: [(f64, usize); CHILDREN] = std::array::from_fn(|child| (f64::INFINITY, child));
-        for (entry, square) in open.iter_mut().zip(squares(&self.levels[level][group], &search.to)) {
-            entry.0 = square;
-        }
-        open.sort_by(|a, b| a.0.total_cmp(&b.0));
-        for (square, child) in open {
-            if square >= search.square {
-                return;
-            }
-            match level {
-                0 => search.try_face(CHILDREN * group + child),
-                _ => self.descend(level - 1, CHILDREN * group + child, search),
-            }
-        }
     }
 }
 
 impl Search<'_> {
-    fn try_face(&mut self, face: usize) {
-        let to = Point::from(self.to);
-        let point = closest_of_triangle(&to, &self.mesh.corners(face));
-        let square = (to - point).norm_squared();
-        if square < self.square {
-            (self.square, self.found) = (square, (point, face));
+    /// Within which square of a distance a face is worth a look, once this one was looked at.
+    fn try_face(&mut self, face: usize) -> f64 {
+        let point = closest_of_triangle(&self.to, &self.mesh.corners(face));
+        let square = (self.to - point).norm_squared();
+        let is_first = square <= self.square * (1.0 + TIE) && face < self.found.1;
+        if square < self.square * (1.0 - TIE) || is_first {
+            self.found = (point, face);
         }
+        self.square = self.square.min(square);
+        self.square * (1.0 + TIE)
     }
-}
-
-/// Up to four boxes side by side; those that are missing are infinitely far.
-fn together(boxes: &[(Point, Point)]) -> Boxes {
-    let mut all = [[f64::INFINITY; CHILDREN]; 6];
-    for (child, (low, high)) in boxes.iter().enumerate() {
-        for axis in 0..3 {
-            (all[axis][child], all[3 + axis][child]) = (low[axis], high[axis]);
-        }
-    }
-    all
-}
-
-/// The squared distances of a point from four boxes, in square metres; zero inside.
-fn squares([low_x, low_y, low_z, high_x, high_y, high_z]: &Boxes, to: &[f64; 3]) -> [f64; CHILDREN] {
-    let mut squares = [0.0; CHILDREN];
-    for (axis, (low, high)) in [(low_x, high_x), (low_y, high_y), (low_z, high_z)].into_iter().enumerate() {
-        for child in 0..CHILDREN {
-            let outside = larger(larger(low[child] - to[axis], to[axis] - high[child]), 0.0);
-            squares[child] += outside * outside;
-        }
-    }
-    squares
 }
 
 /// The point of a triangle nearest to another, by the region of the triangle's plane that it lies over (Ericson,
@@ -161,6 +121,23 @@ fn closest_of_triangle(to: &Point, [a, b, c]: &[Point; 3]) -> Point {
 mod tests {
     use super::*;
     use crate::geometry::{Icosphere, SurfaceIndex};
+
+    #[test]
+    fn of_the_faces_that_meet_in_the_nearest_point_it_is_the_first_wherever_the_mesh_lies() {
+        for moved in [Vector::zeros(), Vector::new(-0.7, 1.1, 0.4), Vector::new(0.1, 3.3, -0.2)] {
+            let sphere = Icosphere::get(4);
+            let mesh =
+                sphere.mesh_of(|d| Point::from(d.component_mul(&Vector::new(0.05, 0.03, 0.08)) + moved));
+            let tree = FaceTree::new(&mesh).unwrap();
+            for (vertex, direction) in sphere.directions.iter().enumerate() {
+                let found = tree.closest(&mesh, &(mesh.vertices[vertex] + direction.into_inner() * 1e-3));
+                // Above a vertex, if not just beside it.
+                if (found.point - mesh.vertices[vertex]).norm() < 1e-12 {
+                    assert_eq!(Some(&(found.face as u32)), sphere.connectivity.faces_at(vertex).iter().min());
+                }
+            }
+        }
+    }
 
     #[test]
     fn closest_points_are_those_of_the_general_index() {
