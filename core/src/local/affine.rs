@@ -84,6 +84,6 @@ mod tests {
     fn slopes_that_the_centres_do_not_tell_are_left_out() {
         assert_eq!(Affine::at(&centres(0.0)).basis.ncols(), 3);
         assert_eq!(Affine::at(&centres(0.0)[..2]).basis.ncols(), 2);
-        assert_eq!(Affine::at(&vec![Vector::zeros(); 5]).basis.ncols(), 1);
+        assert_eq!(Affine::at(&[Vector::zeros(); 5]).basis.ncols(), 1);
     }
 }
