@@ -55,8 +55,9 @@ function freePort() {
 
 /** A server with a database that lasts as long as the object, through kills and restarts. */
 export class Server {
-  static async start() {
+  static async start(robots = 2) {
     const server = new Server();
+    server.robots = robots;
     server.folder = mkdtempSync(join(tmpdir(), "palpate-page-"));
     server.port = await freePort();
     server.url = `http://127.0.0.1:${server.port}`;
@@ -65,7 +66,7 @@ export class Server {
   }
 
   async run() {
-    const options = ["serve", "--listen", `127.0.0.1:${this.port}`, "--database", join(this.folder, "palpate.db"), "--simulated-robots", "2"];
+    const options = ["serve", "--listen", `127.0.0.1:${this.port}`, "--database", join(this.folder, "palpate.db"), "--simulated-robots", String(this.robots)];
     this.process = spawn(program, options, { stdio: "ignore" });
     await until("the server", async () => (await fetch(`${this.url}/readyz`)).ok);
   }
