@@ -5,6 +5,7 @@
 //! Every answer that is not a success is a problem document (RFC 9457).
 
 mod archives;
+mod compression;
 mod csv;
 pub(crate) mod dry_run;
 mod evaluation;
@@ -33,10 +34,10 @@ use std::sync::LazyLock;
 
 use axum::Router;
 use axum::extract::{Request, State};
-use axum::middleware::{Next, from_fn_with_state};
+use axum::middleware::{Next, from_fn, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use http::header::{CONTENT_TYPE, ETAG};
-use http::{Extensions, HeaderMap, HeaderValue, Method, StatusCode, Uri, Version};
+use http::{Extensions, HeaderMap, Method, StatusCode, Uri, Version};
 use tower_http::CompressionLevel;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::compression::CompressionLayer;
@@ -77,9 +78,10 @@ pub(crate) fn router(api: Api, bodies: Bodies, additional_routes: Router) -> Rou
         // body is read, so the bound on what is read is one on what was decompressed.
         .layer(RequestDecompressionLayer::new().pass_through_unaccepted(true))
         .layer(CatchPanicLayer::custom(answer_panic))
+        .layer(from_fn(compression::compress_large))
         .layer(
             CompressionLayer::new()
-                // It is done where calls are answered, so it has to be short: a fifth of the time for 3 % more bytes.
+                // It is done where calls are answered, so it has to be short.
                 .quality(CompressionLevel::Fastest)
                 .compress_when(SizeAbove::new(LEAST_COMPRESSED_BYTES).and(is_compressible)),
         )
@@ -153,8 +155,7 @@ fn span(request: &Request) -> tracing::Span {
 
 /// JSON compresses well. What carries an entity tag stays as it is, because a strong tag names exact bytes.
 fn is_compressible(_: StatusCode, _: Version, headers: &HeaderMap, _: &Extensions) -> bool {
-    let content_type = headers.get(CONTENT_TYPE).map(HeaderValue::as_bytes).unwrap_or_default();
-    content_type.starts_with(b"application/json") && !headers.contains_key(ETAG)
+    compression::is_compressible(headers)
 }
 
 /// Answers with `body` unless the caller's `If-None-Match` names `etag`, which is quoted here and not before.
@@ -175,7 +176,7 @@ fn tagged(headers: &HeaderMap, etag: &str, body: impl IntoResponse) -> Response 
 #[cfg(test)]
 mod tests {
     use axum::body::Body;
-    use http::HeaderName;
+    use http::{HeaderName, HeaderValue};
     use tower::ServiceExt;
 
     use super::*;

@@ -1,8 +1,9 @@
 //! Compressed bodies over HTTP: gzip is understood wherever a body is, within the same bounds.
 
-use std::io::Write;
+use std::io::{Read, Write};
 
 use flate2::Compression;
+use flate2::read::GzDecoder;
 use flate2::write::GzEncoder;
 use palpate_proto::v1;
 use reqwest::{Method, RequestBuilder};
@@ -107,4 +108,28 @@ async fn what_is_called_gzip_and_is_none_is_no_body() {
     let request = post(&server, "/v1/sessions", "application/json", "gzip", damaged);
     assert_eq!(accepted(request).await.unwrap_err().reason, "UNPARSABLE");
     assert_eq!(server.grpc().list(v1::ListSessionsRequest::default()).await.unwrap().sessions, []);
+}
+
+#[tokio::test]
+async fn large_answers_come_compressed_where_that_is_taken_and_are_the_same() {
+    let server = Server::start().await;
+    let get = async |encoding: &str| {
+        let request = server.http().request(Method::GET, "/openapi.json").header("accept-encoding", encoding);
+        let answer = request.send().await.unwrap();
+        let named = |name| {
+            let values = answer.headers().get_all(name).iter();
+            values.map(|value| value.to_str().unwrap()).collect::<Vec<_>>().join(", ")
+        };
+        let [encoding, vary] = ["content-encoding", "vary"].map(named);
+        (encoding, vary, answer.bytes().await.unwrap())
+    };
+    let (encoding, _, plain) = get("identity").await;
+    assert_eq!(encoding, "");
+    let (encoding, vary, compressed) = get("br, gzip").await;
+    assert_eq!((encoding.as_str(), vary.to_lowercase().contains("accept-encoding")), ("gzip", true));
+    assert!(2 * compressed.len() < plain.len(), "{} of {}", compressed.len(), plain.len());
+    let mut text = Vec::new();
+    GzDecoder::new(compressed.as_ref()).read_to_end(&mut text).unwrap();
+    assert!(text == plain);
+    assert_eq!(get("gzip;q=0").await.0, "");
 }

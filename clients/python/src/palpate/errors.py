@@ -143,7 +143,8 @@ def from_rpc_error(error: grpc.RpcError, attempts: int) -> NoAnswer | Refused:
     """The exception for what gRPC raised in the last of `attempts` attempts."""
     call: Any = error  # what a call raises is a call, too, which the types of grpcio do not say
     code, message = call.code(), call.details() or ""
-    metadata = dict(call.trailing_metadata() or ())
+    # Pairs in both clients; the asyncio one's metadata is a mapping besides, of which old versions make no dict.
+    metadata = {key: value for key, value in call.trailing_metadata() or ()}
     status = details.Status.FromString(bytes(metadata.get("grpc-status-details-bin", b"")))
     info, bad, retry = details.ErrorInfo(), details.BadRequest(), details.RetryInfo()
     for detail in status.details:
