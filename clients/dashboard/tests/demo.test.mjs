@@ -14,7 +14,9 @@ after(() => browser?.close());
 
 test("the demo's address shows its session while it runs, and with --keep after", async () => {
   const folder = mkdtempSync(join(tmpdir(), "palpate-demo-"));
-  const demo = spawn(program, ["demo", "--keep", "--attempts", "30"], { cwd: folder, stdio: ["ignore", "pipe", "inherit"] });
+  // Many attempts, so that a fast machine is still at work when the page is there.
+  const attempts = 250;
+  const demo = spawn(program, ["demo", "--keep", "--attempts", String(attempts)], { cwd: folder, stdio: ["ignore", "pipe", "inherit"] });
   try {
     let printed = "";
     demo.stdout.on("data", (text) => (printed += text));
@@ -26,10 +28,12 @@ test("the demo's address shows its session while it runs, and with --keep after"
     assert.ok(!printed.includes("Still serving"), "the robot is at work");
     const seen = await revision();
     await until("it goes on", async () => (await revision()) > seen);
-    await until("the demo is over", () => printed.includes("Still serving"), 60);
-    await until("its last touch", async () => (await revision()) === 32);
+    await until("the demo is over", () => printed.includes("Still serving"), 120);
+    const session = await (await fetch(new URL("/v1/sessions/demo", address))).json();
+    const end = Number(session.revision);
+    await until(`its last touch, ${end}`, async () => (await revision()) === end);
     await page.reload();
-    await until("its last touch again, after a reload", async () => (await revision()) === 32 && (await drawn(page)).share > 0.03);
+    await until("its last touch again, after a reload", async () => (await revision()) === end && (await drawn(page)).share > 0.03);
     assert.ok(printed.includes(`${address} shows it`), "the same address is printed for after");
   } finally {
     demo.kill("SIGINT");
