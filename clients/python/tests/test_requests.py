@@ -1,5 +1,7 @@
 """What is sent: arrays as the contract has them, and errors that name the argument where they cannot be."""
 
+from datetime import datetime, timedelta, timezone
+
 import numpy as np
 import pytest
 
@@ -107,3 +109,20 @@ def test_addresses_are_told_from_what_is_none() -> None:
             target(wrong)
     with pytest.raises(ValueError, match="TLS"):
         target("https://here")
+
+
+def test_counts_times_and_dictionaries_are_named_where_they_are_none() -> None:
+    for budget in (2.5, -1, "20"):
+        with pytest.raises(ValueError, match="budget is"):
+            session_config(None, None, None, budget, None, (), ())  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="config is a str"):
+        session_config("x", None, None, None, None, (), ())  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="observe_time is a str"):
+        outcomes.result(None, palpate.Rejected("no_ik"), observe_time="now")  # type: ignore[arg-type]
+
+
+def test_a_time_without_a_zone_is_this_machines_own() -> None:
+    now = datetime.now()
+    for given in (now, now.astimezone(timezone.utc), now.astimezone(timezone(timedelta(hours=9)))):
+        sent = outcomes.result(None, palpate.Rejected("no_ik"), observe_time=given).observe_time
+        assert abs(sent.ToNanoseconds() / 1e9 - now.timestamp()) < 1e-5

@@ -24,7 +24,7 @@ from palpate.candidates import (
     stop_reason,
 )
 from palpate.mesh import Mesh
-from palpate.names import enum_value
+from palpate.names import count, enum_value
 from palpate.poses import PoseLike, VectorLike, pose_message, vector_message
 from palpate.retry import new_request_id
 from palpate.series import Series
@@ -67,6 +67,10 @@ def session_config(
     if isinstance(config, v1.SessionConfig):
         made.CopyFrom(config)
     elif config is not None:
+        if not isinstance(config, Mapping):
+            raise ValueError(
+                f"config is a {type(config).__name__}: a SessionConfig or a dictionary of its fields is expected"
+            )
         try:
             json_format.ParseDict(dict(config), made)
         except json_format.ParseError as wrong:
@@ -76,7 +80,7 @@ def session_config(
     if strategy is not None:
         made.strategy = enum_value(v1.Strategy, strategy, "strategy")
     if budget is not None:
-        made.stop.max_attempts = budget
+        made.stop.max_attempts = count(budget, "budget")
     if table_z is not None:
         made.support.CopyFrom(v1.HalfSpace(normal=v1.Vector3(z=1.0), offset_m=table_z))
     made.sensors.extend(sensors)
@@ -233,7 +237,10 @@ def add_visual_prior(
     session: v1.Session, prior: v1.VisualPrior, propose: int, request_id: str | None
 ) -> Call[tuple[v1.Session, ViewAccepted]]:
     request = v1.AddVisualPriorRequest(
-        session_id=session.session_id, prior=prior, propose=propose, request_id=request_id or new_request_id()
+        session_id=session.session_id,
+        prior=prior,
+        propose=count(propose, "propose"),
+        request_id=request_id or new_request_id(),
     )
 
     def read(reply: v1.AddVisualPriorResponse) -> tuple[v1.Session, ViewAccepted]:
@@ -254,7 +261,7 @@ def add_visual_prior(
 def propose_contacts(
     session: v1.Session, k: int, robot: v1.RobotContext | None, lease_s: float | None
 ) -> Call[Proposal]:
-    request = v1.ProposeContactsRequest(session_id=session.session_id, top_k=k, robot=robot)
+    request = v1.ProposeContactsRequest(session_id=session.session_id, top_k=count(k, "k"), robot=robot)
     if lease_s is not None:
         request.lease.FromNanoseconds(round(1e9 * lease_s))
         request.request_id = new_request_id()
@@ -281,7 +288,7 @@ def report_contact(
     request = v1.ReportContactRequest(
         session_id=session.session_id,
         result=result,
-        propose=propose,
+        propose=count(propose, "propose"),
         robot=robot,
         request_id=request_id or new_request_id(),
     )

@@ -52,8 +52,9 @@ class LocalServer:
         raise RuntimeError(f"the server ended before it listened:\n{''.join(self._last_lines)}")
 
     def _drain(self, log: IO[str]) -> None:
-        for line in log:
-            self._last_lines.append(line)
+        with log:
+            for line in log:
+                self._last_lines.append(line)
 
     def __enter__(self) -> LocalServer:
         return self

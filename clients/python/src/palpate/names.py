@@ -1,10 +1,19 @@
-"""The names of the wire contract's enumerations, with and without their prefix."""
+"""Arguments that the wire contract has as enumerations, with and without their prefix, and as counts."""
 
 from __future__ import annotations
 
-from typing import Any, TypeVar
+from typing import Any, SupportsIndex
 
-Value = TypeVar("Value", bound=int)
+
+def count(value: int, argument: str) -> int:
+    """`value` as a count.
+
+    Raises:
+        ValueError: it is negative or no whole number; the error calls it `argument`.
+    """
+    if not isinstance(value, SupportsIndex) or not 0 <= value.__index__() < 2**32:
+        raise ValueError(f"{argument} is {value!r}: a whole number, 0 or more, is expected")
+    return value.__index__()
 
 
 def enum_value(kind: Any, name: str, argument: str) -> Any:

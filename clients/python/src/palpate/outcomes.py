@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import datetime, timezone
 from typing import TypeAlias
 
 import numpy as np
@@ -111,7 +111,10 @@ def result(
     """The message for `outcome` of the approach to `candidate`; `None` for one that was not proposed."""
     message = v1.ContactResult(candidate_id=candidate.id if candidate else "", robot_id=robot_id)
     if observe_time is not None:
-        message.observe_time.FromDatetime(observe_time)
+        if not isinstance(observe_time, datetime):
+            raise ValueError(f"observe_time is a {type(observe_time).__name__}: a datetime is expected")
+        # Without a zone it is this machine's own time.
+        message.observe_time.FromDatetime(observe_time.astimezone(timezone.utc))
     match outcome:
         case None:
             message.no_contact.CopyFrom(_no_contact(candidate, NoContact()))
