@@ -40,7 +40,8 @@ use tokio_util::sync::CancellationToken;
 use tracing::Instrument;
 use uuid::Uuid;
 
-use crate::compute::Pool;
+use crate::access::{self, Caller};
+use crate::compute::{Pool, on_account};
 use crate::error::Error;
 use crate::limits::{ERROR_TEXT_BYTES, Limits, SESSION_ID_BYTES};
 use crate::session::Snapshot;
@@ -73,12 +74,12 @@ pub(crate) struct Api {
 }
 
 /// Who calls, and until when an answer is of use.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(crate) struct Call {
     /// When the caller stops waiting; unset = the server's own bound.
     pub(crate) deadline: Option<Instant>,
-    /// Who calls, as far as the server knows; it goes into the log of events.
-    pub(crate) actor: String,
+    /// Who calls; its name goes into the log of events.
+    pub(crate) caller: Caller,
     /// Where the call comes from, if the connection knows; it bounds the streams of one machine.
     pub(crate) peer: Option<IpAddr>,
 }
@@ -106,7 +107,14 @@ impl Api {
     }
 
     /// What the server is and can do.
-    pub(crate) fn server_info(&self) -> v1::ServerInfo {
+    ///
+    /// # Errors
+    /// The caller may not know.
+    pub(crate) async fn get_server_info(&self, call: Call) -> Result<v1::ServerInfo, Error> {
+        self.run("GetServerInfo", "", &call, async |_| Ok(self.server_info())).await
+    }
+
+    fn server_info(&self) -> v1::ServerInfo {
         v1::ServerInfo {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             algorithm_version: reconstruction::version().to_owned(),
@@ -160,10 +168,17 @@ impl Api {
         let deadline = call.deadline.unwrap_or_else(|| started + self.limits.call_timeout);
         // What a caller calls a session may be of any length, until it is checked.
         let shown = cut(session_id, SESSION_ID_BYTES);
-        let span = tracing::info_span!("call", method, session_id = &*shown, actor = call.actor);
+        let span = tracing::info_span!("call", method, session_id = &*shown, actor = call.caller.actor());
         async {
-            let answered = tokio::time::timeout_at(deadline, work(deadline)).await;
-            let outcome = answered.unwrap_or(Err(Error::DeadlineExceeded));
+            let allowed = call.caller.check(access::needed(method));
+            let outcome = match allowed {
+                Ok(()) => {
+                    let work = on_account(call.caller.account().clone(), work(deadline));
+                    let answered = tokio::time::timeout_at(deadline, work).await;
+                    answered.unwrap_or(Err(Error::DeadlineExceeded))
+                }
+                Err(refusal) => Err(refusal),
+            };
             log(outcome.as_ref().err(), started);
             outcome
         }
@@ -181,9 +196,31 @@ impl Api {
     ) -> Result<T, Error> {
         self.run(method, session_id, call, async |deadline| {
             from_proto::check_session_named("session_id", session_id)?;
+            self.check_visible(session_id, &call.caller).await?;
             work(deadline).await
         })
         .await
+    }
+
+    /// # Errors
+    /// The session is not there for the caller: there is none, or it is of an experiment that the caller is kept from.
+    async fn check_visible(&self, session_id: &str, caller: &Caller) -> Result<(), Error> {
+        match self.sees(session_id, caller).await? {
+            Some(true) => Ok(()),
+            Some(false) | None => Err(Error::SessionNotFound { session_id: session_id.to_owned() }),
+        }
+    }
+
+    /// Whether the caller may see a session; nothing where there is none to be kept from.
+    async fn sees(&self, session_id: &str, caller: &Caller) -> Result<Option<bool>, Error> {
+        if caller.experiments().is_none() {
+            return Ok(Some(true));
+        }
+        let experiment = match self.sessions.loaded(session_id) {
+            Some(snapshot) => Some(snapshot.definition.experiment.clone()),
+            None => self.sessions.store.experiment_of(session_id).await?,
+        };
+        Ok(experiment.map(|experiment| caller.sees(&experiment)))
     }
 }
 

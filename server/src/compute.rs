@@ -15,6 +15,7 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
+use crate::access::Account;
 use crate::error::Error;
 use crate::limits::Limits;
 pub(crate) use invitations::Invitations;
@@ -52,6 +53,21 @@ impl Queue {
     pub(crate) fn is_of_robots(self) -> bool {
         !self.is_reading
     }
+}
+
+tokio::task_local! {
+    /// On whose account jobs go that are asked for now.
+    static ACCOUNT: Account;
+}
+
+/// Does work whose jobs go on this account; whatever it spawns has to say so again.
+pub(crate) fn on_account<T>(account: Account, work: impl Future<Output = T>) -> impl Future<Output = T> {
+    ACCOUNT.scope(account, work)
+}
+
+/// On whose account jobs go here; nobody's, where nobody calls.
+pub(crate) fn account() -> Account {
+    ACCOUNT.try_with(Account::clone).unwrap_or_default()
 }
 
 /// What a job does: each kind is measured for itself.
@@ -113,7 +129,8 @@ impl Pool {
         deadline: Instant,
         job: impl FnOnce() -> T + Send + 'static,
     ) -> Result<T, Error> {
-        let turn = self.turn(Wanted { queue, work, session_id, deadline }).await?;
+        let account = &account();
+        let turn = self.turn(Wanted { queue, work, session_id, account, deadline }).await?;
         let running = tokio::task::spawn_blocking(move || {
             // The thread is the job's as long as it runs, also when the caller stops waiting.
             let _turn = turn.begin();

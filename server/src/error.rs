@@ -188,6 +188,46 @@ pub(crate) enum Error {
         /// Whose page it is.
         site: String,
     },
+    /// A call without any sign of who makes it.
+    #[error(
+        "this call needs a token: send the header `authorization: Bearer TOKEN` with one that `palpate token create` made"
+    )]
+    TokenMissing,
+    /// A token that is none of this server's, or was revoked.
+    #[error("the token is not known here: it is mistyped, of another server, or was revoked")]
+    TokenInvalid,
+    /// A token whose time is over.
+    #[error("the token has expired: ask who runs the server for a new one")]
+    TokenExpired,
+    /// A ticket that was used, is over a minute old, or was never given out.
+    #[error(
+        "the ticket is not known here: it opens one request, within a minute; get a new one with POST /v1/tickets"
+    )]
+    TicketInvalid,
+    /// A certificate that the server trusts, of a name that says nothing to it.
+    #[error(
+        "the name {name:?} in the client's certificate is not of the form SCOPE:NAME or SCOPE:NAME:EXPERIMENTS, such as robot:arm-1"
+    )]
+    CertificateName {
+        /// The name.
+        name: String,
+    },
+    /// The caller may do less than the call needs.
+    #[error("this call needs the scope {needed}, and the caller has {has}: use a token that was made for it")]
+    ScopeDenied {
+        /// What the call needs.
+        needed: &'static str,
+        /// What the caller has.
+        has: &'static str,
+    },
+    /// The caller is kept to other experiments.
+    #[error(
+        "the caller is kept to experiments whose names begin with {prefix:?}: name one of them, or use another token"
+    )]
+    ExperimentDenied {
+        /// How their names begin.
+        prefix: String,
+    },
     /// The server is about to stop.
     #[error("the server is shutting down: try again in a moment, with the same request_id")]
     Draining,
@@ -271,6 +311,11 @@ impl Error {
             Self::HostMissing => "HOST_MISSING",
             Self::HostRefused { .. } => "HOST_REFUSED",
             Self::OriginRefused { .. } => "ORIGIN_REFUSED",
+            Self::TokenMissing => "TOKEN_MISSING",
+            Self::TokenInvalid | Self::TicketInvalid => "TOKEN_INVALID",
+            Self::TokenExpired => "TOKEN_EXPIRED",
+            Self::CertificateName { .. } => "CERTIFICATE_NAME",
+            Self::ScopeDenied { .. } | Self::ExperimentDenied { .. } => "SCOPE_DENIED",
             Self::Draining => "DRAINING",
             Self::StoreFull => "STORE_FULL",
             Self::StoreDown { .. } => "STORE_DOWN",
@@ -283,7 +328,15 @@ impl Error {
     pub(crate) fn grpc_code(&self) -> Code {
         match self {
             Self::Fields(_) | Self::HostMissing => Code::InvalidArgument,
-            Self::HostRefused { .. } | Self::OriginRefused { .. } => Code::PermissionDenied,
+            Self::HostRefused { .. }
+            | Self::OriginRefused { .. }
+            | Self::ScopeDenied { .. }
+            | Self::ExperimentDenied { .. } => Code::PermissionDenied,
+            Self::TokenMissing
+            | Self::TokenInvalid
+            | Self::TicketInvalid
+            | Self::TokenExpired
+            | Self::CertificateName { .. } => Code::Unauthenticated,
             Self::SessionNotFound { .. } | Self::SessionDeleted { .. } => Code::NotFound,
             Self::SessionExists { .. } | Self::RequestIdReused { .. } => Code::AlreadyExists,
             Self::RevisionMismatch { .. } | Self::EtagMismatch { .. } => Code::Aborted,
@@ -326,7 +379,15 @@ impl Error {
             Self::HeaderTooLarge { .. } => StatusCode::REQUEST_HEADER_FIELDS_TOO_LARGE,
             Self::BodyTooSlow { .. } => StatusCode::REQUEST_TIMEOUT,
             Self::HostMissing => StatusCode::BAD_REQUEST,
-            Self::HostRefused { .. } | Self::OriginRefused { .. } => StatusCode::FORBIDDEN,
+            Self::HostRefused { .. }
+            | Self::OriginRefused { .. }
+            | Self::ScopeDenied { .. }
+            | Self::ExperimentDenied { .. } => StatusCode::FORBIDDEN,
+            Self::TokenMissing
+            | Self::TokenInvalid
+            | Self::TicketInvalid
+            | Self::TokenExpired
+            | Self::CertificateName { .. } => StatusCode::UNAUTHORIZED,
             Self::Draining | Self::StoreDown { .. } | Self::Overloaded { .. } => {
                 StatusCode::SERVICE_UNAVAILABLE
             }

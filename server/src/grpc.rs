@@ -25,6 +25,8 @@ use tonic_health::server::HealthReporter;
 use tonic_web::GrpcWebLayer;
 use tower::Layer;
 
+use crate::access::Caller;
+use crate::access::guard::Guard;
 use crate::api::{Api, Call};
 use crate::error::Error;
 use crate::peer;
@@ -40,6 +42,7 @@ const MARGIN: Duration = Duration::from_millis(20);
 /// The embedded descriptors cannot be read, which is a fault of the build.
 pub(crate) fn router(
     api: &Api,
+    guard: Guard,
     bodies: Bodies,
 ) -> Result<(axum::Router, HealthReporter), tonic_reflection::server::Error> {
     let limit = api.limits().message_bytes;
@@ -60,7 +63,8 @@ pub(crate) fn router(
             .add_service(reflection().build_v1alpha()?);
     let reading = axum::middleware::map_response(move |response| status::explain_reading(response, limit));
     let router = routes.into_axum_router().reset_fallback();
-    Ok((router.layer(from_fn_with_state(bodies, receive)).layer(reading), health_reporter))
+    let router = router.layer(from_fn_with_state(bodies, receive)).layer(reading);
+    Ok((router.layer(from_fn_with_state(guard, Guard::admit)), health_reporter))
 }
 
 /// A refusal that comes before any handler, in the kind of gRPC that was asked for.
@@ -129,14 +133,15 @@ fn replies<T: 'static>(
 }
 
 /// Who calls, and until when.
-fn call<T>(request: &Request<T>) -> Call {
+fn call<T>(request: &Request<T>) -> Result<Call, Status> {
+    let caller = Caller::of(request.extensions()).map_err(|error| status(&error))?;
     let peer = peer::address(request.extensions());
-    Call {
+    Ok(Call {
         deadline: timeout(request.metadata().as_ref())
             .and_then(|timeout| Instant::now().checked_add(timeout.saturating_sub(MARGIN.min(timeout / 4)))),
-        actor: peer.map(|address| address.to_string()).unwrap_or_default(),
+        caller,
         peer,
-    }
+    })
 }
 
 fn timeout(headers: &HeaderMap) -> Option<Duration> {

@@ -27,6 +27,7 @@ mod reference;
 mod schema;
 mod series;
 mod sessions;
+mod tickets;
 mod view_file;
 
 use std::any::Any;
@@ -48,6 +49,7 @@ use tower_http::trace::TraceLayer;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
+use crate::access::guard::Guard;
 use crate::api::Api;
 use crate::error::Error;
 use crate::serve::bodies::{Bodies, Kind};
@@ -57,19 +59,26 @@ use problem::Problem;
 const LEAST_COMPRESSED_BYTES: u64 = 1024;
 
 /// All routes with their layers.
-pub(crate) fn router(api: Api, bodies: Bodies, additional_routes: Router) -> Router {
+pub(crate) fn router(api: Api, guard: &Guard, bodies: Bodies, additional_routes: Router) -> Router {
     // The document never changes, so every server of a process shares one.
-    static DOCUMENT: LazyLock<String> = LazyLock::new(|| openapi::document(documented().into_openapi()));
+    static DOCUMENT: LazyLock<String> = LazyLock::new(|| openapi::document(described()));
     let document = async || ([(CONTENT_TYPE, "application/json")], DOCUMENT.as_str());
     // The service logs each call and each failure; this adds to those lines where the call came from.
     let trace = TraceLayer::new_for_http().make_span_with(span).on_failure(());
     let (routes, _) = documented().split_for_parts();
-    routes
+    let (probes, _) = probes().split_for_parts();
+    // What is the same for everybody is open: a page has to be there before anybody can say who they are.
+    let open = probes
         .route("/openapi.json", axum::routing::get(document))
-        .with_state(api)
+        .with_state(api.clone())
         .merge(openapi::documentation_page())
-        .merge(palpate_dashboard::router())
+        .merge(palpate_dashboard::router());
+    routes
+        .with_state(api)
+        .merge(tickets::router(guard.clone()))
         .merge(additional_routes)
+        .route_layer(from_fn_with_state(guard.clone(), Guard::admit))
+        .merge(open)
         .fallback(no_such_path)
         .method_not_allowed_fallback(method_not_allowed)
         // Inside of what decompresses, so that it counts what is held and not what was sent.
@@ -100,6 +109,12 @@ async fn receive(State(bodies): State<Bodies>, request: Request, next: Next) -> 
     bodies.run(request, kind, next, refusal).await
 }
 
+/// All that the document describes.
+fn described() -> utoipa::openapi::OpenApi {
+    let tickets = OpenApiRouter::new().routes(routes!(tickets::issue));
+    documented().into_openapi().merge_from(tickets.into_openapi()).merge_from(probes().into_openapi())
+}
+
 /// The routes that the OpenAPI document describes: each is declared once, beside its handler.
 fn documented() -> OpenApiRouter<Api> {
     OpenApiRouter::with_openapi(openapi::introduction())
@@ -121,10 +136,15 @@ fn documented() -> OpenApiRouter<Api> {
         .routes(routes!(series::get))
         .routes(routes!(experiments::list))
         .routes(routes!(experiments::summary))
+        .routes(routes!(operations::version))
+}
+
+/// The routes that answer whoever asks.
+fn probes() -> OpenApiRouter<Api> {
+    OpenApiRouter::new()
         .routes(routes!(operations::healthz))
         .routes(routes!(operations::livez))
         .routes(routes!(operations::readyz))
-        .routes(routes!(operations::version))
 }
 
 async fn no_such_path(uri: Uri) -> Problem {

@@ -3,6 +3,7 @@
 //! Dependencies point one way: `grpc`, `http` -> `api` -> `sessions` -> `store`, `compute` and the
 //! method itself in `palpate-core`. `wire` holds the conversions between messages and values.
 
+pub mod access;
 mod api;
 mod archive;
 mod compute;
@@ -24,5 +25,5 @@ mod voxel;
 mod wire;
 
 pub use limits::Limits;
-pub use serve::{ServeError, ServeOptions, parse_host, parse_origin, serve};
+pub use serve::{ServeError, ServeOptions, TlsError, TlsFiles, parse_host, parse_origin, serve};
 pub use store::OpenError;

@@ -147,6 +147,8 @@ pub struct Limits {
     pub stream_stall: Duration,
     /// Bytes of the log that a reader holds at once; a larger event is read alone.
     pub read_bytes: usize,
+    /// How long the answer to a call without a valid token waits at most: longer with each that a machine has made.
+    pub refused_wait: Duration,
     /// Open connections; fewer where the process may not open so many files.
     pub connections: usize,
     /// How long a connection may be without an open request before it is closed.
@@ -228,6 +230,7 @@ impl Default for Limits {
             stream_bytes: 1 << 20,
             stream_stall: Duration::from_secs(30),
             read_bytes: 1 << 20,
+            refused_wait: Duration::from_secs(2),
             connections: 1024,
             idle: Duration::from_secs(120),
             head_timeout: Duration::from_secs(30),

@@ -8,6 +8,7 @@ mod door;
 mod headers;
 mod origin;
 mod stall;
+mod tls;
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -19,6 +20,8 @@ use tokio::net::TcpListener;
 use tokio_util::sync::CancellationToken;
 use tower::util::option_layer;
 
+use crate::access::Registry;
+use crate::access::guard::Guard;
 use crate::api::Api;
 use crate::limits::Limits;
 use crate::store::{OpenError, Store};
@@ -27,6 +30,8 @@ use bodies::Bodies;
 use connection::Connections;
 use door::Door;
 pub use origin::{parse_host, parse_origin};
+use tls::Tls;
+pub use tls::{TlsError, TlsFiles};
 
 /// What a server is started with.
 #[derive(Clone, Debug)]
@@ -41,6 +46,11 @@ pub struct ServeOptions {
     ///
     /// On a loopback address no others are taken; on other addresses any is taken where none is given.
     pub allowed_hosts: Vec<String>,
+    /// Whether callers have to say who they are, with a token or a certificate; otherwise whoever reaches the server
+    /// may do everything.
+    pub require_tokens: bool,
+    /// The certificate of the server, where it speaks TLS.
+    pub tls: Option<TlsFiles>,
     /// Routes of the program around the server, let in by the same rules; empty unless it has any.
     pub additional_routes: Router,
 }
@@ -52,6 +62,8 @@ impl Default for ServeOptions {
             limits: Limits::default(),
             allowed_origins: Vec::new(),
             allowed_hosts: Vec::new(),
+            require_tokens: false,
+            tls: None,
             additional_routes: Router::new(),
         }
     }
@@ -63,6 +75,23 @@ pub enum ServeError {
     /// The event log cannot be used.
     #[error(transparent)]
     Store(#[from] OpenError),
+    /// Callers have to say who they are, and none of them can.
+    #[error(
+        "this server would ask callers for tokens, and the database {} has none in force.\n\
+         Make one first:  palpate token create --database {} --name arm-1\n\
+         On 127.0.0.1 none are asked unless required; --insecure-open asks nobody, on any address.",
+        .database.display(), .database.display()
+    )]
+    NobodyMayCall {
+        /// Whose tokens count.
+        database: PathBuf,
+    },
+    /// The tokens cannot be read.
+    #[error("the tokens cannot be read: {0}")]
+    Tokens(String),
+    /// The server cannot speak TLS as it is told to.
+    #[error(transparent)]
+    Tls(#[from] TlsError),
     /// An origin that no page has, or that every page can have.
     #[error("the allowed origin {origin:?} {advice}")]
     Origin {
@@ -98,24 +127,46 @@ pub async fn serve(
     options: ServeOptions,
     shutdown: CancellationToken,
 ) -> Result<(), ServeError> {
-    let ServeOptions { database, limits, allowed_origins, allowed_hosts, additional_routes } = options;
+    let ServeOptions {
+        database,
+        limits,
+        allowed_origins,
+        allowed_hosts,
+        require_tokens,
+        tls,
+        additional_routes,
+    } = options;
     let address: SocketAddr = listener.local_addr()?;
     let allowed_origins = checked_origins(&allowed_origins)?;
     let door = Door::new(address, checked_hosts(&allowed_hosts)?, allowed_origins.clone(), &limits);
     let store = Store::open(&database, palpate_core::reconstruction::version(), &limits).await?;
+    let has_client_ca = tls.as_ref().is_some_and(|files| files.client_ca.is_some());
+    let tls = tls.map(|files| Tls::start(files, shutdown.clone())).transpose()?;
+    let registry = if require_tokens || has_client_ca {
+        let registry = Registry::start(store.token_reader(), shutdown.clone()).await;
+        let registry = registry.map_err(|error| ServeError::Tokens(error.to_string()))?;
+        if !has_client_ca && !registry.has_usable() {
+            return Err(ServeError::NobodyMayCall { database });
+        }
+        Some(registry)
+    } else {
+        None
+    };
+    let guard = Guard::new(registry, &limits);
     let api = Api::new(store, limits, shutdown.clone());
     let bodies = Bodies::new(api.limits());
-    let (grpc_routes, health) = grpc::router(&api, bodies.clone())?;
+    let (grpc_routes, health) = grpc::router(&api, guard.clone(), bodies.clone())?;
     grpc::report_health(health.clone(), true).await;
     // Around all routes: a browser asks for leave before it calls over gRPC-Web, too.
     let pages = option_layer(cors::layer(allowed_origins));
-    let router = grpc_routes.merge(web::router(api.clone(), bodies, additional_routes)).layer(pages);
+    let router = grpc_routes.merge(web::router(api.clone(), &guard, bodies, additional_routes)).layer(pages);
 
-    let connections = Arc::new(Connections::new(router, door, api.limits()));
+    let scheme = if tls.is_some() { "https" } else { "http" };
+    let connections = Arc::new(Connections::new(router, door, tls, api.limits()));
     tracing::info!(
-        api = %format!("http://{address}"),
-        dashboard = %format!("http://{address}/"),
-        docs = %format!("http://{address}/docs"),
+        api = %format!("{scheme}://{address}"),
+        dashboard = %format!("{scheme}://{address}/"),
+        docs = %format!("{scheme}://{address}/docs"),
         database = %database.display(),
         "palpate listens for gRPC and HTTP"
     );

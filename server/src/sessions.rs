@@ -34,7 +34,7 @@ use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 use tracing::Instrument;
 
-use crate::compute::{Pool, Queue, Work};
+use crate::compute::{self, Pool, Queue, Work, on_account};
 use crate::error::Error;
 use crate::limits::Limits;
 use crate::store::{Damage, Event, Link, SessionHead, Store, StoreError};
@@ -71,6 +71,8 @@ pub(crate) struct Creation<S> {
     pub(crate) session_id: String,
     pub(crate) request: RequestKey,
     pub(crate) actor: String,
+    /// The token that it is counted for.
+    pub(crate) owner: Option<String>,
     /// Makes the new session under the id and at the time given.
     pub(crate) create: Create<S>,
 }
@@ -354,7 +356,7 @@ fn answered_before(request: &RequestKey, digest: &[u8], reply: Vec<u8>) -> Resul
 async fn detached<T: Send + 'static>(
     work: impl Future<Output = Result<T, Error>> + Send + 'static,
 ) -> Result<T, Error> {
-    let task = tokio::spawn(work.in_current_span());
+    let task = tokio::spawn(on_account(compute::account(), work).in_current_span());
     task.await.unwrap_or_else(|failure| Err(Error::internal(format!("a change failed: {failure}"))))
 }
 
@@ -398,6 +400,11 @@ impl From<StoreError> for Error {
                 what: "bytes of the database",
                 limit: most_bytes,
                 hint: "delete sessions that are no longer needed, or raise the limit",
+            },
+            StoreError::Share { what, most } => Self::Quota {
+                what,
+                limit: most,
+                hint: "delete those that are no longer needed, or ask who runs the server for a larger share",
             },
             StoreError::Damaged(Damage { session_id, sound, reason }) => {
                 Self::SessionQuarantined { session_id, sound, reason }

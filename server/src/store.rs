@@ -20,6 +20,7 @@ mod open;
 mod read;
 mod readable;
 mod references;
+mod tokens;
 mod witness;
 mod write;
 
@@ -42,6 +43,7 @@ use open::Opened;
 pub(crate) use read::{ExperimentPart, Filter, FirstRequest, PageEnd, SessionRow, StateFilter};
 use readable::Readable;
 pub(crate) use references::{KeptReference, NewErrors, NewReference, ReferenceKey, SurfaceError};
+pub(crate) use tokens::{TokenFile, TokenReader, TokenRow};
 use write::{Job, Writer};
 
 /// Why an operation on the log failed.
@@ -61,6 +63,14 @@ pub(crate) enum StoreError {
     TooLarge {
         /// How much they may hold.
         most_bytes: u64,
+    },
+    /// A token has as much as it may.
+    #[error("the token has its {most} {what}")]
+    Share {
+        /// What it has so many of, in the plural.
+        what: &'static str,
+        /// How many it may have.
+        most: u64,
     },
     /// The log of a session is not the one that was written.
     #[error("the log is damaged after event {}: {}", .0.sound, .0.reason)]

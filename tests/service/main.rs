@@ -5,6 +5,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed, and says where")]
 
+mod access;
 mod agreement;
 mod archives;
 mod arms;
@@ -59,5 +60,7 @@ mod series;
 mod sse;
 mod strategies;
 mod streams;
+mod tls;
+mod tokens;
 mod touched_points;
 mod watch;

@@ -15,6 +15,7 @@ mod robot;
 mod serve;
 mod server;
 mod simulations;
+mod token;
 
 use clap::Subcommand;
 
@@ -28,6 +29,9 @@ pub(crate) enum Command {
     /// Serve sessions over gRPC and HTTP.
     #[command(long_about = serve::ABOUT, after_help = serve::EXAMPLES)]
     Serve(serve::Args),
+    /// Make, list and revoke the tokens that callers show.
+    #[command(long_about = token::ABOUT, after_help = token::EXAMPLES)]
+    Token(token::Args),
     /// Let the simulated robot explore through a server that runs already.
     #[command(long_about = explore::ABOUT)]
     Explore(explore::Args),
@@ -66,6 +70,7 @@ impl Command {
         match self {
             Self::Demo(args) => demo::run(args).await,
             Self::Serve(args) => serve::run(args).await,
+            Self::Token(args) => token::run(args).await,
             Self::Explore(args) => explore::run(args).await,
             Self::Evaluate(args) => evaluate::run(args).await,
             Self::Bench(args) => bench::run(args).await,
@@ -84,6 +89,7 @@ impl Command {
         match self {
             Self::Serve(_) => "info",
             Self::Demo(_)
+            | Self::Token(_)
             | Self::Explore(_)
             | Self::Evaluate(_)
             | Self::Bench(_)

@@ -17,14 +17,19 @@ use palpate_proto::v1::{
     UpdateSessionRequest, WatchSessionRequest,
 };
 use tokio::time::timeout;
+use tonic::service::interceptor::InterceptedService;
 use tonic::transport::Channel;
 use tonic::{Code, Request, Response, Status};
 
+use crate::builder::Bearer;
 use crate::retry::ensure_request_id;
 use crate::{ClientBuilder, Error, Exploration, RetryPolicy, Watch};
 
 /// A mesh of the finest tessellation fits with room to spare; tonic's own limit is 4 MiB.
 const MAX_REPLY_BYTES: usize = 64 * 1024 * 1024;
+
+/// A channel whose calls say who makes them.
+pub(crate) type Connection = InterceptedService<Channel, Bearer>;
 
 /// A connection to a Palpate server; cheap to clone, and clones share the connection.
 ///
@@ -32,7 +37,7 @@ const MAX_REPLY_BYTES: usize = 64 * 1024 * 1024;
 /// nothing in any attempt.
 #[derive(Debug, Clone)]
 pub struct Client {
-    channel: Channel,
+    channel: Connection,
     deadline: Duration,
     retry: RetryPolicy,
 }
@@ -51,7 +56,7 @@ impl Client {
         ClientBuilder::new(url)
     }
 
-    pub(crate) fn over(channel: Channel, deadline: Duration, retry: RetryPolicy) -> Self {
+    pub(crate) fn over(channel: Connection, deadline: Duration, retry: RetryPolicy) -> Self {
         Self { channel, deadline, retry }
     }
 
@@ -249,15 +254,15 @@ impl Client {
         self.retry
     }
 
-    pub(crate) fn sessions(&self) -> SessionServiceClient<Channel> {
+    pub(crate) fn sessions(&self) -> SessionServiceClient<Connection> {
         SessionServiceClient::new(self.channel.clone()).max_decoding_message_size(MAX_REPLY_BYTES)
     }
 
-    pub(crate) fn exploration(&self) -> ExplorationServiceClient<Channel> {
+    pub(crate) fn exploration(&self) -> ExplorationServiceClient<Connection> {
         ExplorationServiceClient::new(self.channel.clone()).max_decoding_message_size(MAX_REPLY_BYTES)
     }
 
-    pub(crate) fn reconstruction(&self) -> ReconstructionServiceClient<Channel> {
+    pub(crate) fn reconstruction(&self) -> ReconstructionServiceClient<Connection> {
         ReconstructionServiceClient::new(self.channel.clone()).max_decoding_message_size(MAX_REPLY_BYTES)
     }
 }

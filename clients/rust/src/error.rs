@@ -23,16 +23,22 @@ pub enum Error {
         /// What is wrong with it.
         source: tonic::transport::Error,
     },
-    /// The address asks for encryption, and this client would send everything in the clear.
-    #[error(
-        "{url} asks for TLS, which this client does not speak yet: write http:// or let a tunnel encrypt the way"
-    )]
+    /// The certificates that were given cannot be used.
+    #[error("{url} cannot be spoken to with these certificates: {detail}")]
     Tls {
         /// The address.
         url: String,
+        /// What is the matter.
+        detail: String,
     },
-    /// Nobody answers at the address.
-    #[error("no server answers at {url}; is one running there? `palpate serve` starts one")]
+    /// What was given as a token is none.
+    #[error("the token is none: it is one word, as `palpate token create` prints it")]
+    Token,
+    /// Nobody answers at the address, or not as the certificates want it.
+    #[error(
+        "no server answers at {url}: {}; is one running there? `palpate serve` starts one",
+        causes(source)
+    )]
     Connect {
         /// The address.
         url: String,
@@ -127,7 +133,7 @@ impl Error {
     /// The gRPC status code of a refusal; `Unavailable` when the server did not answer.
     pub fn code(&self) -> Code {
         match self {
-            Self::Url { .. } | Self::Tls { .. } => Code::InvalidArgument,
+            Self::Url { .. } | Self::Tls { .. } | Self::Token => Code::InvalidArgument,
             Self::Connect { .. } | Self::NoAnswer { .. } => Code::Unavailable,
             Self::Refused(refusal) => refusal.code,
             Self::Malformed { .. } => Code::Internal,
@@ -152,7 +158,7 @@ impl Error {
         match self {
             Self::Connect { .. } | Self::NoAnswer { .. } => true,
             Self::Refused(refusal) => refusal.is_transient(),
-            Self::Url { .. } | Self::Tls { .. } | Self::Malformed { .. } => false,
+            Self::Url { .. } | Self::Tls { .. } | Self::Token | Self::Malformed { .. } => false,
         }
     }
 
@@ -200,12 +206,20 @@ impl Error {
 
 /// The message of a status with the last cause beneath it, which is the one that names the broken thing.
 fn detail_of(status: &Status) -> String {
-    let causes = std::iter::successors(status.source(), |cause| (*cause).source());
     let said = status.message();
-    match causes.last().map(ToString::to_string) {
+    match first_cause(status) {
         Some(cause) if cause != said => format!("{said}: {cause}"),
         _ => said.to_owned(),
     }
+}
+
+/// What is at the bottom of an error of the transport, whose own words say nothing.
+pub(crate) fn causes(error: &tonic::transport::Error) -> String {
+    first_cause(error).unwrap_or_else(|| error.to_string())
+}
+
+fn first_cause(error: &dyn std::error::Error) -> Option<String> {
+    std::iter::successors(error.source(), |cause| (*cause).source()).last().map(ToString::to_string)
 }
 
 #[cfg(test)]

@@ -38,7 +38,8 @@ impl Api {
             let after = (!page_token.is_empty()).then(|| decode_token(&page_token)).transpose()?;
             // One more than requested shows whether there is a next page.
             let wanted = i64::try_from(count + 1).unwrap_or(i64::MAX);
-            let parts = self.sessions.store.experiments(after.as_deref(), wanted).await?;
+            let prefix = call.caller.experiments().unwrap_or_default();
+            let parts = self.sessions.store.experiments(prefix, after.as_deref(), wanted).await?;
             let mut experiments = experiments(parts);
             let has_more = experiments.len() > count;
             experiments.truncate(count);
@@ -63,6 +64,7 @@ impl Api {
             from_proto::check_name("experiment", &experiment, &self.limits)?;
             from_proto::check_labels(&labels, &self.limits)?;
             let keys = keys(&by, &self.limits)?;
+            call.caller.check_experiment(&experiment)?;
             let filter = Filter { experiment: Some(experiment.clone()), labels, ..Filter::default() };
             let mut groups: BTreeMap<Vec<String>, Group> = BTreeMap::new();
             let mut quarantined_session_ids = Vec::new();

@@ -10,6 +10,7 @@ use tokio::time::Instant;
 
 use super::lease::Wish;
 use super::{Api, Call, computed, request_key, stored};
+use crate::access::Scope;
 use crate::compute::{Queue, Work};
 use crate::error::{Error, FieldViolation};
 use crate::limits::Limits;
@@ -48,7 +49,7 @@ impl Api {
         let session_id = request.session_id.clone();
         self.run_on_session("AddVisualPrior", &session_id, &call, async |deadline| {
             let key = request_key(&request.request_id, &request, &self.limits)?;
-            self.add_prior(request, None, key, &call.actor, UNARY, deadline).await
+            self.add_prior(request, None, key, call.caller.actor(), UNARY, deadline).await
         })
         .await
     }
@@ -64,7 +65,12 @@ impl Api {
     ) -> Result<v1::ProposeContactsResponse, Error> {
         let session_id = request.session_id.clone();
         self.run_on_session("ProposeContacts", &session_id, &call, async |deadline| {
-            self.propose(request, &call.actor, FieldNames { propose: "top_k", ..UNARY }, deadline).await
+            // Without one it only reads.
+            if request.lease.is_some() {
+                call.caller.check(Scope::Robot)?;
+            }
+            self.propose(request, call.caller.actor(), FieldNames { propose: "top_k", ..UNARY }, deadline)
+                .await
         })
         .await
     }
@@ -81,7 +87,7 @@ impl Api {
         let session_id = request.session_id.clone();
         self.run_on_session("ReportContact", &session_id, &call, async |deadline| {
             let key = request_key(&request.request_id, &request, &self.limits)?;
-            self.report(request, key, &call.actor, UNARY, deadline).await
+            self.report(request, key, call.caller.actor(), UNARY, deadline).await
         })
         .await
     }

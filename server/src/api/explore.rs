@@ -21,7 +21,8 @@ use super::mesh::Form;
 use super::outbox::{self, Gone, Outbox};
 use super::places::Place;
 use super::{Api, Call, Replies, request_key, stored};
-use crate::compute::Queue;
+use crate::access::Caller;
+use crate::compute::{Queue, on_account};
 use crate::error::{Error, FieldViolation};
 use crate::wire::{from_proto, to_proto};
 
@@ -49,7 +50,7 @@ struct Exploration {
 /// A stream as the server sees it: what it knows of the caller, and where its replies go.
 struct ExploreStream {
     api: Api,
-    actor: String,
+    caller: Caller,
     open: Option<Exploration>,
     place: Place,
     replies: Outbox<v1::ExploreResponse>,
@@ -68,9 +69,10 @@ impl Api {
         self.run("Explore", "", &call, async |_| {
             let place = self.places.take(call.peer, &self.limits)?;
             let (outbox, replies) = outbox::stream(&self.limits);
-            let (api, actor) = (self.clone(), call.actor.clone());
-            let stream = ExploreStream { api, actor, open: None, place, replies: outbox };
-            tokio::spawn(stream.run(messages).in_current_span());
+            let (api, caller) = (self.clone(), call.caller.clone());
+            let stream = ExploreStream { api, caller, open: None, place, replies: outbox };
+            let account = call.caller.account().clone();
+            tokio::spawn(on_account(account, stream.run(messages)).in_current_span());
             Ok(replies)
         })
         .await
@@ -156,6 +158,7 @@ impl ExploreStream {
         }
         from_proto::exploration_request(NAMES.propose, top_k, NAMES.robot, robot.as_ref(), &self.api.limits)?;
         from_proto::check_session_named("open.session_id", &session_id)?;
+        self.api.check_visible(&session_id, &self.caller).await?;
         let snapshot = self.api.sessions.newest(&session_id, deadline).await?;
         if !(0..=snapshot.revision).contains(&resume_after_revision) {
             let revision = snapshot.revision;
@@ -224,7 +227,7 @@ impl ExploreStream {
         let key = request_key(&request.request_id, &request, &self.api.limits)?;
         let request = v1::AddVisualPriorRequest { propose: open.top_k, ..request };
         let robot = open.robot.as_ref();
-        let reply = self.api.add_prior(request, robot, key, &self.actor, NAMES, deadline).await?;
+        let reply = self.api.add_prior(request, robot, key, self.caller.actor(), NAMES, deadline).await?;
         let revision = reply.session.as_ref().map_or(0, |session| session.revision);
         self.with_mesh(ReplyMessage::Prior(reply), revision, deadline).await
     }
@@ -241,7 +244,7 @@ impl ExploreStream {
             v1::ReportContactRequest { session_id, result: Some(result), request_id, ..Default::default() };
         let key = request_key(&request.request_id, &request, &self.api.limits)?;
         let request = v1::ReportContactRequest { propose: open.top_k, robot: open.robot.clone(), ..request };
-        let reply = self.api.report(request, key, &self.actor, NAMES, deadline).await?;
+        let reply = self.api.report(request, key, self.caller.actor(), NAMES, deadline).await?;
         let revision = reply.seq;
         self.with_mesh(ReplyMessage::Accepted(reply), revision, deadline).await
     }
@@ -267,7 +270,9 @@ impl ExploreStream {
             request.robot.clone_from(&open.robot);
             names.robot = NAMES.robot;
         }
-        Ok(vec![ReplyMessage::Candidates(self.api.propose(request, &self.actor, names, deadline).await?)])
+        Ok(vec![ReplyMessage::Candidates(
+            self.api.propose(request, self.caller.actor(), names, deadline).await?,
+        )])
     }
 
     /// The reply, and after it the mesh if the caller wants meshes.

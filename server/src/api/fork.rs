@@ -12,6 +12,7 @@ use prost::Message;
 
 use super::exploration::{absorb_prior, absorb_result};
 use super::{Api, Call, computed, request_key, stored};
+use crate::access::Caller;
 use crate::compute::Queue;
 use crate::error::Error;
 use crate::limits::Limits;
@@ -46,10 +47,11 @@ impl Api {
                 }
             };
             let forked = forked(&parent.definition, parent.revision, &request)?;
+            call.caller.check_experiment(experiment_of(&forked))?;
             // Checked before the copy begins, as nothing of it depends on the id.
             from_proto::fork(&forked, 0, &self.limits)?;
             let copy = Copy {
-                creation: creation(request.new_session_id, forked, key, &call.actor, &self.limits),
+                creation: creation(request.new_session_id, forked, key, &call.caller, &self.limits),
                 original: Original::Session(session_id.clone(), parent.revision),
                 carry: Arc::new(carry(self.limits.clone())),
                 reply: |copy| to_proto::session(copy).encode_to_vec(),
@@ -58,6 +60,11 @@ impl Api {
         })
         .await
     }
+}
+
+/// The experiment of a fork that begins so.
+pub(super) fn experiment_of(forked: &v1::Forked) -> &str {
+    forked.definition.as_ref().map_or("", |definition| definition.experiment.as_str())
 }
 
 /// The last event that a fork takes over: that a session was finished is no part of it.
@@ -107,7 +114,7 @@ pub(super) fn creation(
     session_id: String,
     forked: v1::Forked,
     request: RequestKey,
-    actor: &str,
+    caller: &Caller,
     limits: &Arc<Limits>,
 ) -> Creation<Snapshot> {
     let limits = limits.clone();
@@ -124,7 +131,8 @@ pub(super) fn creation(
         let event = event::encode(Kind::Forked(forked));
         Ok(Created { event, computed: computed(created, &session), experiment, labels })
     };
-    Creation { session_id, request, actor: actor.to_owned(), create: Arc::new(create) }
+    let (actor, owner) = (caller.actor().to_owned(), caller.owner());
+    Creation { session_id, request, actor, owner, create: Arc::new(create) }
 }
 
 /// What an event of the original comes to in the copy.

@@ -29,6 +29,7 @@ impl Api {
             request.session.as_ref().map(|session| session.session_id.clone()).unwrap_or_default();
         self.run("UpdateSession", &session_id, &call, async |deadline| {
             from_proto::check_session_named("session.session_id", &session_id)?;
+            self.check_visible(&session_id, &call.caller).await?;
             let key = request_key(&request.request_id, &request, &self.limits)?;
             let v1::UpdateSessionRequest { session, update_mask, request_id: _ } = request;
             let session = session.unwrap_or_default();
@@ -47,7 +48,7 @@ impl Api {
                 computed.new_labels = new_labels;
                 Ok(Decision::Append(event::encode(Kind::Updated(updated.clone())), computed))
             };
-            let actor = call.actor.clone();
+            let actor = call.caller.actor().to_owned();
             let compute = Arc::new(compute);
             let change = Change {
                 session_id: session_id.clone(),
@@ -85,7 +86,7 @@ impl Api {
                 let reply = to_proto::session(&after);
                 Ok(appended(event::encode(Kind::Finished(note.clone())), after, &reply))
             };
-            let (actor, compute) = (call.actor.clone(), Arc::new(compute));
+            let (actor, compute) = (call.caller.actor().to_owned(), Arc::new(compute));
             let work = Work::Edit;
             let change = Change { session_id, request: key, expected_revision: None, actor, work, compute };
             stored(&self.sessions.change(change, deadline).await?.bytes)
@@ -119,7 +120,7 @@ impl Api {
                     }),
                 ))
             };
-            let (actor, compute) = (call.actor.clone(), Arc::new(compute));
+            let (actor, compute) = (call.caller.actor().to_owned(), Arc::new(compute));
             let work = Work::Edit;
             let change = Change { session_id, request: key, expected_revision: None, actor, work, compute };
             stored(&self.sessions.change(change, deadline).await?.bytes)

@@ -15,7 +15,7 @@ use sha2::{Digest, Sha256};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::Instant;
 
-use super::fork::{carry, creation, forked};
+use super::fork::{carry, creation, experiment_of, forked};
 use super::{Api, Call, computed, request_key, stored};
 use crate::archive::{self, Bundle, Origin};
 use crate::compute::{Queue, Work};
@@ -80,7 +80,7 @@ impl Api {
                 self.sessions.pool.run(Queue::READERS, Work::File, "", deadline, read).await??;
             let is_the_same = is_empty(&header);
             let session = if is_the_same {
-                self.take_over(bundle, request).await
+                self.take_over(bundle, &origin, request, &call).await
             } else {
                 self.fork_of(bundle, origin, header, request, &call).await
             };
@@ -132,9 +132,16 @@ impl Api {
         Ok(received)
     }
 
-    async fn take_over(&self, bundle: Bundle, request: RequestKey) -> Result<v1::Session, Error> {
+    async fn take_over(
+        &self,
+        bundle: Bundle,
+        origin: &Origin,
+        request: RequestKey,
+        call: &Call,
+    ) -> Result<v1::Session, Error> {
+        call.caller.check_experiment(&origin.definition.experiment)?;
         let Bundle { session_id, events } = bundle;
-        let takeover = Takeover { session_id, request, events, describe };
+        let takeover = Takeover { session_id, request, events, owner: call.caller.owner(), describe };
         stored(&self.sessions.take_over(takeover).await?.bytes)
     }
 
@@ -150,12 +157,13 @@ impl Api {
         let v1::CreateSessionRequest { session_id, display_name, experiment, labels, .. } = header;
         let names = v1::ForkSessionRequest { display_name, experiment, labels, ..Default::default() };
         let forked = forked(&definition, last_to_copy, &names)?;
+        call.caller.check_experiment(experiment_of(&forked))?;
         // Checked before the copy begins, as nothing of it depends on the id.
         from_proto::fork(&forked, 0, &self.limits)?;
         let mut events = bundle.events;
         events.truncate(usize::try_from(last_to_copy).unwrap_or(0));
         let copy = Copy {
-            creation: creation(session_id, forked, request, &call.actor, &self.limits),
+            creation: creation(session_id, forked, request, &call.caller, &self.limits),
             original: Original::Events(events),
             carry: Arc::new(carry(self.limits.clone())),
             reply: |copy| to_proto::session(copy).encode_to_vec(),

@@ -31,13 +31,15 @@ impl Api {
             if !session_id.is_empty() {
                 from_proto::check_session_id(&session_id)?;
             }
+            call.caller.check_experiment(&request.experiment)?;
             // Checked before the store is asked; the second check, at the creation, is cheap.
             from_proto::definition(&request, 0, &self.limits)?;
             let limits = self.limits.clone();
             let creation = Creation {
                 session_id: session_id.clone(),
                 request: request_key(&request.request_id, &request, &self.limits)?,
-                actor: call.actor.clone(),
+                actor: call.caller.actor().to_owned(),
+                owner: call.caller.owner(),
                 create: Arc::new(move |session_id, now_us| {
                     let mut request =
                         v1::CreateSessionRequest { session_id: session_id.to_owned(), ..request.clone() };
@@ -118,6 +120,7 @@ impl Api {
             let count = page_size(wanted, &self.limits)? as usize;
             let after = (!page_token.is_empty()).then(|| decode_token(&page_token)).transpose()?;
             let filter = Filter {
+                experiments: call.caller.experiments().map(str::to_owned),
                 experiment: (!experiment.is_empty()).then_some(experiment),
                 state: state_filter(state)?,
                 labels,
@@ -148,10 +151,15 @@ impl Api {
         call: Call,
     ) -> Result<v1::DeleteSessionResponse, Error> {
         let session_id = request.session_id.clone();
-        self.run_on_session("DeleteSession", &session_id, &call, async |deadline| {
+        self.run("DeleteSession", &session_id, &call, async |deadline| {
+            from_proto::check_session_named("session_id", &session_id)?;
             from_proto::check_text("etag", &request.etag, OPAQUE_BYTES)?;
             let key = request_key(&request.request_id, &request, &self.limits)?;
             let v1::DeleteSessionRequest { session_id, etag, request_id: _ } = request;
+            // One that is gone is not refused here: this may be a retry.
+            if self.sees(&session_id, &call.caller).await? == Some(false) {
+                return Err(Error::SessionNotFound { session_id });
+            }
             self.sessions.delete(session_id, etag, key, deadline).await?;
             Ok(v1::DeleteSessionResponse {})
         })

@@ -12,6 +12,11 @@ use crate::session::Snapshot;
 use crate::sessions::Change;
 use crate::store::SessionRow;
 
+/// Whoever calls a server that asks nobody.
+fn somebody() -> Call {
+    Call { deadline: None, caller: Caller::anyone(None), peer: None }
+}
+
 async fn service(folder: &TempDir, limits: Limits) -> Api {
     let store = Store::open_beside(&folder.path().join("log.db"), &limits).await.unwrap();
     Api::new(store, limits, CancellationToken::new())
@@ -19,12 +24,12 @@ async fn service(folder: &TempDir, limits: Limits) -> Api {
 
 async fn create(api: &Api, session_id: &str) -> v1::Session {
     let request = v1::CreateSessionRequest { session_id: session_id.into(), ..Default::default() };
-    api.create_session(request, Call::default()).await.unwrap()
+    api.create_session(request, somebody()).await.unwrap()
 }
 
 async fn get(api: &Api, session_id: &str) -> v1::Session {
     let request = v1::GetSessionRequest { session_id: session_id.into() };
-    api.get_session(request, Call::default()).await.unwrap()
+    api.get_session(request, somebody()).await.unwrap()
 }
 
 /// Twenty points on a bowl; `shift_m` makes each cloud another.
@@ -57,11 +62,11 @@ async fn an_evicted_session_comes_back_bit_for_bit() {
     let folder = tempfile::tempdir().unwrap();
     let api = service(&folder, Limits { live_sessions: 1, ..Limits::default() }).await;
     create(&api, "one").await;
-    api.add_visual_prior(view("one", "a", 0.0), Call::default()).await.unwrap();
-    api.add_visual_prior(view("one", "b", 0.001), Call::default()).await.unwrap();
+    api.add_visual_prior(view("one", "a", 0.0), somebody()).await.unwrap();
+    api.add_visual_prior(view("one", "b", 0.001), somebody()).await.unwrap();
     let before = newest_hash(&api, "one").await;
     create(&api, "two").await;
-    api.add_visual_prior(view("two", "a", 0.0), Call::default()).await.unwrap();
+    api.add_visual_prior(view("two", "a", 0.0), somebody()).await.unwrap();
     assert!(api.sessions.loaded("one").is_none(), "there is room for one session");
     assert_eq!(newest_hash(&api, "one").await, before);
 }
@@ -74,13 +79,13 @@ async fn two_processes_on_one_log_take_turns_and_agree() {
     for round in 0..3 {
         let shift_m = 0.001 * round as f32;
         let (first, second) = tokio::join!(
-            one.add_visual_prior(view("shared", &format!("one-{round}"), shift_m), Call::default()),
-            other.add_visual_prior(view("shared", &format!("other-{round}"), -shift_m), Call::default()),
+            one.add_visual_prior(view("shared", &format!("one-{round}"), shift_m), somebody()),
+            other.add_visual_prior(view("shared", &format!("other-{round}"), -shift_m), somebody()),
         );
         let revisions = [first, second].map(|reply| reply.unwrap().session.unwrap().revision);
         assert_ne!(revisions[0], revisions[1]);
     }
-    let retried = other.add_visual_prior(view("shared", "one-0", 0.0), Call::default()).await.unwrap();
+    let retried = other.add_visual_prior(view("shared", "one-0", 0.0), somebody()).await.unwrap();
     assert!(retried.session.unwrap().revision <= 3, "a retry at the other process is answered as before");
     // A new process folds the same state that both have in memory by now.
     let third = service(&folder, Limits::default()).await;
@@ -94,7 +99,7 @@ async fn an_event_that_cannot_be_replayed_quarantines_its_session_alone() {
     let api = service(&folder, Limits::default()).await;
     create(&api, "whole").await;
     create(&api, "broken").await;
-    api.add_visual_prior(view("broken", "a", 0.0), Call::default()).await.unwrap();
+    api.add_visual_prior(view("broken", "a", 0.0), somebody()).await.unwrap();
     let deadline = Instant::now() + Duration::from_secs(20);
     let damage = Change {
         session_id: "broken".into(),
@@ -110,7 +115,7 @@ async fn an_event_that_cannot_be_replayed_quarantines_its_session_alone() {
     api.sessions.change(damage, deadline).await.unwrap();
 
     let api = service(&folder, Limits::default()).await;
-    let refused = api.add_visual_prior(view("broken", "b", 0.0), Call::default()).await.unwrap_err();
+    let refused = api.add_visual_prior(view("broken", "b", 0.0), somebody()).await.unwrap_err();
     assert_eq!(refused.reason(), "SESSION_QUARANTINED");
     let broken = get(&api, "broken").await;
     assert_eq!((broken.state(), broken.revision), (v1::SessionState::Quarantined, 2));
@@ -118,10 +123,10 @@ async fn an_event_that_cannot_be_replayed_quarantines_its_session_alone() {
     assert_eq!((quarantine.sound_revision, quarantine.head), (2, 3));
     assert!(quarantine.reason.contains("event 3"), "{quarantine:?}");
     let readable = v1::GetMeshRequest { session_id: "broken".into(), revision: 2, ..Default::default() };
-    assert!(api.get_mesh(readable, Call::default()).await.is_ok());
-    assert!(api.add_visual_prior(view("whole", "a", 0.0), Call::default()).await.is_ok());
+    assert!(api.get_mesh(readable, somebody()).await.is_ok());
+    assert!(api.add_visual_prior(view("whole", "a", 0.0), somebody()).await.is_ok());
     let gone = v1::DeleteSessionRequest { session_id: "broken".into(), ..Default::default() };
-    assert!(api.delete_session(gone, Call::default()).await.is_ok());
+    assert!(api.delete_session(gone, somebody()).await.is_ok());
 }
 
 #[tokio::test]
@@ -144,7 +149,7 @@ async fn a_panic_is_internal_for_its_call_and_changes_nothing() {
     let failed = api.sessions.change(panicking, deadline).await.unwrap_err();
     assert_eq!(failed.reason(), "INTERNAL");
     assert_eq!(get(&api, "calm").await, created);
-    assert!(api.add_visual_prior(view("calm", "p", 0.0), Call::default()).await.is_ok());
+    assert!(api.add_visual_prior(view("calm", "p", 0.0), somebody()).await.is_ok());
 }
 
 #[tokio::test]
@@ -153,11 +158,11 @@ async fn a_caller_who_leaves_breaks_nothing_and_a_retry_finds_the_reply() {
     let api = service(&folder, Limits::default()).await;
     create(&api, "left").await;
     {
-        let leaving = api.add_visual_prior(view("left", "a", 0.0), Call::default());
+        let leaving = api.add_visual_prior(view("left", "a", 0.0), somebody());
         // Polled for a moment, so that the change has begun, and then dropped.
         let _ = tokio::time::timeout(Duration::from_micros(300), leaving).await;
     }
-    let reply = api.add_visual_prior(view("left", "a", 0.0), Call::default()).await.unwrap();
+    let reply = api.add_visual_prior(view("left", "a", 0.0), somebody()).await.unwrap();
     assert_eq!(reply.session.unwrap().revision, 2);
     assert_eq!(get(&api, "left").await.stats.unwrap().visual_points, 20);
 }
@@ -168,9 +173,9 @@ async fn limits_are_answered_with_what_to_do() {
     let api = service(&folder, Limits { sessions: 1, ..Limits::default() }).await;
     create(&api, "full").await;
     let request = v1::CreateSessionRequest::default();
-    let refused = api.create_session(request, Call::default()).await.unwrap_err();
+    let refused = api.create_session(request, somebody()).await.unwrap_err();
     assert_eq!(refused.reason(), "QUOTA");
-    api.add_visual_prior(view("full", "a", 0.0), Call::default()).await.unwrap();
+    api.add_visual_prior(view("full", "a", 0.0), somebody()).await.unwrap();
     assert_eq!(get(&api, "full").await.revision, 2);
 }
 
@@ -180,16 +185,16 @@ async fn a_creation_without_id_is_retried_safely() {
     let api = service(&folder, Limits::default()).await;
     let request = v1::CreateSessionRequest { request_id: "new".into(), ..Default::default() };
     let (first, second) = tokio::join!(
-        api.create_session(request.clone(), Call::default()),
-        api.create_session(request.clone(), Call::default())
+        api.create_session(request.clone(), somebody()),
+        api.create_session(request.clone(), somebody())
     );
     let first = first.unwrap();
     assert_eq!(first, second.unwrap());
     let other = v1::CreateSessionRequest { experiment: "other".into(), ..request.clone() };
-    assert_eq!(api.create_session(other, Call::default()).await.unwrap_err().reason(), "REQUEST_ID_REUSED");
+    assert_eq!(api.create_session(other, somebody()).await.unwrap_err().reason(), "REQUEST_ID_REUSED");
     let gone = v1::DeleteSessionRequest { session_id: first.session_id, ..Default::default() };
-    api.delete_session(gone, Call::default()).await.unwrap();
-    let late = api.create_session(request, Call::default()).await.unwrap_err();
+    api.delete_session(gone, somebody()).await.unwrap();
+    let late = api.create_session(request, somebody()).await.unwrap_err();
     assert_eq!(late.reason(), "SESSION_NOT_FOUND", "a late retry brings nothing back");
 }
 
@@ -198,7 +203,7 @@ async fn a_list_ends_where_the_log_does_whatever_the_head_says() {
     let folder = tempfile::tempdir().unwrap();
     let api = service(&folder, Limits { read_bytes: 1, ..Limits::default() }).await;
     create(&api, "short").await;
-    api.add_visual_prior(view("short", "a", 0.0), Call::default()).await.unwrap();
+    api.add_visual_prior(view("short", "a", 0.0), somebody()).await.unwrap();
     let found = api.sessions.store.session("short").await.unwrap().unwrap();
     let wrong = SessionRow { head: 7, ..found.clone() };
     let list = tokio::time::timeout(Duration::from_secs(20), api.events_after(wrong, 0, 50, false));
@@ -216,7 +221,7 @@ async fn large_events_are_read_one_by_one_and_small_ones_together() {
     let api = service(&folder, Limits::default()).await;
     create(&api, "views").await;
     for request_id in ["a", "b", "c"] {
-        api.add_visual_prior(view("views", request_id, 0.0), Call::default()).await.unwrap();
+        api.add_visual_prior(view("views", request_id, 0.0), somebody()).await.unwrap();
     }
     let store = &api.sessions.store;
     let rows = store.events("views", 0, 16).await.unwrap();

@@ -17,6 +17,7 @@ use super::invitations::Invitations;
 use super::measured::Measured;
 use super::shares::{GUESSED_COST, Shares, Waiting};
 use super::{Queue, Work};
+use crate::access::Account;
 use crate::error::Error;
 use crate::limits::Limits;
 
@@ -77,6 +78,7 @@ pub(super) struct Wanted<'a> {
     pub(super) queue: Queue,
     pub(super) work: Work,
     pub(super) session_id: &'a str,
+    pub(super) account: &'a Account,
     pub(super) deadline: Instant,
 }
 
@@ -96,6 +98,8 @@ pub(super) struct Started {
     work: Work,
     session_id: String,
     job: u64,
+    /// What it was expected to take, in seconds.
+    cost_s: f64,
     since: Instant,
 }
 
@@ -129,13 +133,14 @@ impl<C> Schedule<C> {
     /// # Errors
     /// The deadline has passed or cannot be met, or too many wait.
     pub(super) fn enter(&mut self, now: Instant, wanted: Wanted<'_>) -> Result<oneshot::Receiver<C>, Error> {
-        let Wanted { queue, work, session_id, deadline } = wanted;
+        let Wanted { queue, work, session_id, account, deadline } = wanted;
         if now >= deadline {
             return Err(Error::DeadlineExceeded);
         }
         if !queue.is_patient() && !self.is_free_for(queue) {
             self.check_room(now, wanted)?;
-            let answered_s = self.wait_s(now, queue, session_id) + self.cost(work).until_answered_s();
+            let answered_s =
+                self.wait_s(now, queue, session_id, account) + self.cost(work).until_answered_s();
             if now + seconds(answered_s) > deadline {
                 return Err(self.refuse(now, wanted, answered_s));
             }
@@ -143,7 +148,7 @@ impl<C> Schedule<C> {
         let (caller, turn) = oneshot::channel();
         let cost_s = self.cost(work).of_thread.mean_s();
         let waiting = Waiting { caller, work, deadline, cost_s };
-        self.line_mut(queue).shares.enter(session_id, waiting, now);
+        self.line_mut(queue).shares.enter(session_id, account, waiting, now);
         Ok(turn)
     }
 
@@ -153,7 +158,7 @@ impl<C> Schedule<C> {
         self.readers.shares.sweep(now);
         let queue = self.turn()?;
         let line = self.line_mut(queue);
-        let (session_id, Waiting { caller, work, deadline, cost_s }) = line.shares.pop()?;
+        let (session_id, account, Waiting { caller, work, deadline, cost_s }) = line.shares.pop()?;
         let is_alone = line.shares.is_empty();
         let answered_s = self.cost(work).until_answered_s();
         if now >= deadline {
@@ -161,18 +166,18 @@ impl<C> Schedule<C> {
         }
         // Where nobody else wants the thread it is tried: the estimate may be wrong.
         if now + seconds(answered_s) > deadline && !is_alone {
-            let wanted = Wanted { queue, work, session_id: &session_id, deadline };
+            let wanted = Wanted { queue, work, session_id: &session_id, account: &account, deadline };
             let refusal = self.refuse(now, wanted, answered_s);
             return Some(Next::Late(caller, refusal));
         }
         self.jobs += 1;
         let job = self.jobs;
         let line = self.line_mut(queue);
-        line.shares.started(&session_id);
+        line.shares.started(&session_id, cost_s);
         line.running.push(Running { job, ends: now + seconds(cost_s) });
         self.owe_readers(queue, cost_s);
         let is_reading = !queue.is_of_robots();
-        Some(Next::Start(caller, Started { is_reading, work, session_id, job, since: now }))
+        Some(Next::Start(caller, Started { is_reading, work, session_id, job, cost_s, since: now }))
     }
 
     /// Gives a thread back; `ran` says whether the job was begun at all.
@@ -184,7 +189,7 @@ impl<C> Schedule<C> {
         let queue = if started.is_reading { Queue::READERS } else { Queue::ROBOTS };
         let line = self.line_mut(queue);
         line.running.retain(|running| running.job != started.job);
-        line.shares.ended(&started.session_id, took, now);
+        line.shares.ended(&started.session_id, started.cost_s, took, now);
     }
 
     /// Notes how long after a job of this kind its caller was answered.
@@ -226,9 +231,9 @@ impl<C> Schedule<C> {
     }
 
     /// How long a job of this session is expected to wait, in seconds.
-    fn wait_s(&self, now: Instant, queue: Queue, session_id: &str) -> f64 {
+    fn wait_s(&self, now: Instant, queue: Queue, session_id: &str, account: &Account) -> f64 {
         let (line, other) = self.lines(queue);
-        let ahead_s = line.shares.ahead_s(session_id, now);
+        let ahead_s = line.shares.ahead_s(session_id, account, now);
         let own_s = (ahead_s + line.running_s(now)) / line.threads as f64;
         if queue.is_of_robots() {
             return own_s + other.running_s(now) / self.threads as f64;
@@ -258,13 +263,13 @@ impl<C> Schedule<C> {
 
     /// Keeps a place for a session that is refused, and says when it should come back.
     fn invite(&mut self, now: Instant, wanted: Wanted<'_>, earliest: Instant) -> (&'static str, Duration) {
-        let Wanted { queue, work, session_id, deadline: _ } = wanted;
+        let Wanted { queue, work, session_id, account, deadline: _ } = wanted;
         let apart = seconds(self.cost(work).of_thread.mean_s() / self.lines(queue).0.threads as f64);
         let line = self.line_mut(queue);
         // One place for each session, however many of its calls are refused.
         let place = line.shares.invited(session_id, now).unwrap_or_else(|| {
             let place = line.invitations.next(earliest, apart);
-            line.shares.invite(session_id, place);
+            line.shares.invite(session_id, account, place);
             place
         });
         (line.name, line.invitations.hint(now, place))

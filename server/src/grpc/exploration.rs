@@ -13,7 +13,7 @@ impl ExplorationService for Handlers {
         &self,
         request: Request<v1::AddVisualPriorRequest>,
     ) -> Result<Response<v1::AddVisualPriorResponse>, Status> {
-        let call = call(&request);
+        let call = call(&request)?;
         reply(self.api.add_visual_prior(request.into_inner(), call).await)
     }
 
@@ -21,7 +21,7 @@ impl ExplorationService for Handlers {
         &self,
         request: Request<v1::ProposeContactsRequest>,
     ) -> Result<Response<v1::ProposeContactsResponse>, Status> {
-        let call = call(&request);
+        let call = call(&request)?;
         reply(self.api.propose_contacts(request.into_inner(), call).await)
     }
 
@@ -29,7 +29,7 @@ impl ExplorationService for Handlers {
         &self,
         request: Request<v1::ReportContactRequest>,
     ) -> Result<Response<v1::ReportContactResponse>, Status> {
-        let call = call(&request);
+        let call = call(&request)?;
         reply(self.api.report_contact(request.into_inner(), call).await)
     }
 
@@ -37,7 +37,7 @@ impl ExplorationService for Handlers {
         &self,
         request: Request<v1::RetractEventRequest>,
     ) -> Result<Response<v1::Session>, Status> {
-        let call = call(&request);
+        let call = call(&request)?;
         reply(self.api.retract_event(request.into_inner(), call).await)
     }
 
@@ -47,7 +47,7 @@ impl ExplorationService for Handlers {
         &self,
         request: Request<Streaming<v1::ExploreRequest>>,
     ) -> Result<Response<Self::ExploreStream>, Status> {
-        let call = call(&request);
+        let call = call(&request)?;
         let limit = self.api.limits().message_bytes;
         let messages = request
             .into_inner()

@@ -10,7 +10,7 @@ use super::{Handlers, Replies, call, replies, reply};
 #[tonic::async_trait]
 impl ReconstructionService for Handlers {
     async fn get_mesh(&self, request: Request<v1::GetMeshRequest>) -> Result<Response<v1::Mesh>, Status> {
-        let call = call(&request);
+        let call = call(&request)?;
         reply(self.api.get_mesh(request.into_inner(), call).await)
     }
 
@@ -18,7 +18,7 @@ impl ReconstructionService for Handlers {
         &self,
         request: Request<v1::ListEventsRequest>,
     ) -> Result<Response<v1::ListEventsResponse>, Status> {
-        let call = call(&request);
+        let call = call(&request)?;
         reply(self.api.list_events(request.into_inner(), call).await)
     }
 
@@ -28,7 +28,7 @@ impl ReconstructionService for Handlers {
         &self,
         request: Request<v1::WatchSessionRequest>,
     ) -> Result<Response<Self::WatchSessionStream>, Status> {
-        let call = call(&request);
+        let call = call(&request)?;
         let updates = self.api.watch_session(request.into_inner(), call).await;
         replies(updates.map(|updates| updates.map(|update| update.map(|update| update.message))))
     }
@@ -39,7 +39,7 @@ impl ReconstructionService for Handlers {
         &self,
         request: Request<v1::ReplaySessionRequest>,
     ) -> Result<Response<Self::ReplaySessionStream>, Status> {
-        let call = call(&request);
+        let call = call(&request)?;
         replies(self.api.replay_session(request.into_inner(), call).await)
     }
 
@@ -47,7 +47,7 @@ impl ReconstructionService for Handlers {
         &self,
         request: Request<v1::EvaluateSessionRequest>,
     ) -> Result<Response<v1::EvaluateSessionResponse>, Status> {
-        let call = call(&request);
+        let call = call(&request)?;
         reply(self.api.evaluate_session(request.into_inner(), call).await)
     }
 
@@ -55,7 +55,7 @@ impl ReconstructionService for Handlers {
         &self,
         request: Request<v1::GetSeriesRequest>,
     ) -> Result<Response<v1::GetSeriesResponse>, Status> {
-        let call = call(&request);
+        let call = call(&request)?;
         reply(self.api.get_series(request.into_inner(), call).await)
     }
 
@@ -63,7 +63,7 @@ impl ReconstructionService for Handlers {
         &self,
         request: Request<v1::SetReferenceRequest>,
     ) -> Result<Response<v1::Reference>, Status> {
-        let call = call(&request);
+        let call = call(&request)?;
         reply(self.api.set_reference(request.into_inner(), call).await)
     }
 
@@ -71,7 +71,7 @@ impl ReconstructionService for Handlers {
         &self,
         request: Request<v1::GetReferenceRequest>,
     ) -> Result<Response<v1::Reference>, Status> {
-        let call = call(&request);
+        let call = call(&request)?;
         reply(self.api.get_reference(request.into_inner(), call).await)
     }
 
@@ -79,7 +79,7 @@ impl ReconstructionService for Handlers {
         &self,
         request: Request<v1::DeleteReferenceRequest>,
     ) -> Result<Response<v1::DeleteReferenceResponse>, Status> {
-        let call = call(&request);
+        let call = call(&request)?;
         reply(self.api.delete_reference(request.into_inner(), call).await)
     }
 }

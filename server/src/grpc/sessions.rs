@@ -13,7 +13,7 @@ impl SessionService for Handlers {
         &self,
         request: Request<v1::CreateSessionRequest>,
     ) -> Result<Response<v1::Session>, Status> {
-        let call = call(&request);
+        let call = call(&request)?;
         reply(self.api.create_session(request.into_inner(), call).await)
     }
 
@@ -21,7 +21,7 @@ impl SessionService for Handlers {
         &self,
         request: Request<v1::GetSessionRequest>,
     ) -> Result<Response<v1::Session>, Status> {
-        let call = call(&request);
+        let call = call(&request)?;
         reply(self.api.get_session(request.into_inner(), call).await)
     }
 
@@ -29,7 +29,7 @@ impl SessionService for Handlers {
         &self,
         request: Request<v1::ListSessionsRequest>,
     ) -> Result<Response<v1::ListSessionsResponse>, Status> {
-        let call = call(&request);
+        let call = call(&request)?;
         reply(self.api.list_sessions(request.into_inner(), call).await)
     }
 
@@ -37,7 +37,7 @@ impl SessionService for Handlers {
         &self,
         request: Request<v1::UpdateSessionRequest>,
     ) -> Result<Response<v1::Session>, Status> {
-        let call = call(&request);
+        let call = call(&request)?;
         reply(self.api.update_session(request.into_inner(), call).await)
     }
 
@@ -45,7 +45,7 @@ impl SessionService for Handlers {
         &self,
         request: Request<v1::FinishSessionRequest>,
     ) -> Result<Response<v1::Session>, Status> {
-        let call = call(&request);
+        let call = call(&request)?;
         reply(self.api.finish_session(request.into_inner(), call).await)
     }
 
@@ -53,7 +53,7 @@ impl SessionService for Handlers {
         &self,
         request: Request<v1::DeleteSessionRequest>,
     ) -> Result<Response<v1::DeleteSessionResponse>, Status> {
-        let call = call(&request);
+        let call = call(&request)?;
         reply(self.api.delete_session(request.into_inner(), call).await)
     }
 
@@ -61,7 +61,7 @@ impl SessionService for Handlers {
         &self,
         request: Request<v1::ForkSessionRequest>,
     ) -> Result<Response<v1::Session>, Status> {
-        let call = call(&request);
+        let call = call(&request)?;
         reply(self.api.fork_session(request.into_inner(), call).await)
     }
 
@@ -71,7 +71,7 @@ impl SessionService for Handlers {
         &self,
         request: Request<v1::ExportSessionRequest>,
     ) -> Result<Response<Self::ExportSessionStream>, Status> {
-        let call = call(&request);
+        let call = call(&request)?;
         replies(self.api.export_session(request.into_inner(), call).await.map(|export| export.chunks))
     }
 
@@ -79,7 +79,7 @@ impl SessionService for Handlers {
         &self,
         request: Request<Streaming<v1::ImportSessionRequest>>,
     ) -> Result<Response<v1::Session>, Status> {
-        let call = call(&request);
+        let call = call(&request)?;
         let limit = self.api.limits().message_bytes;
         let parts = request
             .into_inner()
@@ -91,7 +91,7 @@ impl SessionService for Handlers {
         &self,
         request: Request<v1::ListExperimentsRequest>,
     ) -> Result<Response<v1::ListExperimentsResponse>, Status> {
-        let call = call(&request);
+        let call = call(&request)?;
         reply(self.api.list_experiments(request.into_inner(), call).await)
     }
 
@@ -99,14 +99,15 @@ impl SessionService for Handlers {
         &self,
         request: Request<v1::SummarizeExperimentRequest>,
     ) -> Result<Response<v1::ExperimentSummary>, Status> {
-        let call = call(&request);
+        let call = call(&request)?;
         reply(self.api.summarize_experiment(request.into_inner(), call).await)
     }
 
     async fn get_server_info(
         &self,
-        _request: Request<v1::GetServerInfoRequest>,
+        request: Request<v1::GetServerInfoRequest>,
     ) -> Result<Response<v1::ServerInfo>, Status> {
-        Ok(Response::new(self.api.server_info()))
+        let call = call(&request)?;
+        reply(self.api.get_server_info(call).await)
     }
 }

@@ -71,7 +71,16 @@ fn add_subject(details: &mut ErrorDetails, error: &Error) {
             set_info(details, error, [("bytes", bytes.to_string()), ("limit", limit.to_string())]);
         }
         Error::Overloaded { limit } => set_info(details, error, [("limit", limit.to_string())]),
+        Error::ScopeDenied { needed, has } => {
+            set_info(details, error, [("needed", (*needed).to_owned()), ("has", (*has).to_owned())]);
+        }
+        Error::ExperimentDenied { prefix } => set_info(details, error, [("experiments", prefix.clone())]),
         Error::Fields(_)
+        | Error::TokenMissing
+        | Error::TokenInvalid
+        | Error::TicketInvalid
+        | Error::TokenExpired
+        | Error::CertificateName { .. }
         | Error::BodyTooSlow { .. }
         | Error::HostMissing
         | Error::HostRefused { .. }

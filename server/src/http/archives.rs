@@ -5,7 +5,7 @@ use axum::extract::{Path, Request, State};
 use axum::response::{IntoResponse, Response};
 use futures_util::{Stream, StreamExt, stream};
 use http::header::{CACHE_CONTROL, CONTENT_DISPOSITION, CONTENT_TYPE};
-use http::{Extensions, HeaderMap, StatusCode};
+use http::{HeaderMap, StatusCode};
 use palpate_proto::v1;
 use palpate_proto::v1::import_session_request::Part;
 use serde::Deserialize;
@@ -17,7 +17,6 @@ use super::problem::Problem;
 use super::tagged;
 use crate::api::{Api, Call};
 use crate::error::Error;
-use crate::peer;
 use crate::text::quoted;
 
 /// Where bundles are sent.
@@ -63,16 +62,15 @@ pub(super) struct ExportParams {
 )]
 pub(super) async fn export(
     State(api): State<Api>,
+    call: Call,
     Path(session_id): Path<String>,
     Params(params): Params<ExportParams>,
     headers: HeaderMap,
-    extensions: Extensions,
 ) -> Result<Response, Problem> {
     let ExportParams { format, revision } = params;
     let format = format.as_deref().map(parse_format).transpose()?.unwrap_or_default();
     let revision = revision.unwrap_or_default();
     let request = v1::ExportSessionRequest { session_id, revision, format: format.into() };
-    let call = Call { peer: peer::address(&extensions), ..Call::default() };
     let export = api.export_session(request, call).await?;
     let name = format!("attachment; filename=\"{}\"", export.file_name);
     let head = [(CONTENT_TYPE, export.content_type.to_owned()), (CONTENT_DISPOSITION, name)];
@@ -125,6 +123,7 @@ pub(super) struct ImportParams {
 )]
 pub(super) async fn import(
     State(api): State<Api>,
+    call: Call,
     Params(params): Params<ImportParams>,
     headers: HeaderMap,
     request: Request,
@@ -143,7 +142,7 @@ pub(super) async fn import(
         ..v1::CreateSessionRequest::default()
     };
     fill_request_id(&mut header.request_id, &headers)?;
-    let session = api.import_session(parts(header, request), Call::default()).await?;
+    let session = api.import_session(parts(header, request), call).await?;
     session_reply(StatusCode::CREATED, session)
 }
 

@@ -53,6 +53,7 @@ pub(super) struct EvaluateParams {
 )]
 pub(super) async fn evaluate(
     State(api): State<Api>,
+    call: Call,
     Path(session_id): Path<String>,
     headers: HeaderMap,
     uri: Uri,
@@ -73,7 +74,7 @@ pub(super) async fn evaluate(
         },
     };
     fill_session_id(&mut message.session_id, session_id)?;
-    Ok(ProtoJson(api.evaluate_session(message, Call::default()).await?))
+    Ok(ProtoJson(api.evaluate_session(message, call).await?))
 }
 
 /// The request that such a file is, but for the session's id.

@@ -7,7 +7,7 @@ use axum::extract::{Path, State};
 use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
 use futures_util::StreamExt;
-use http::{Extensions, HeaderMap, HeaderName};
+use http::{HeaderMap, HeaderName};
 use palpate_proto::v1;
 use palpate_proto::v1::event::Kind;
 use palpate_proto::v1::watch_session_response::Update;
@@ -19,7 +19,6 @@ use super::problem::Problem;
 use super::proto_json::{ProtoJson, to_json};
 use crate::api::{Api, Call, WatchUpdate};
 use crate::error::Error;
-use crate::peer;
 
 /// A comment is sent after this long without an event, so that a dead connection is noticed.
 const HEARTBEAT: Duration = Duration::from_secs(15);
@@ -68,16 +67,15 @@ pub(super) struct EventsParams {
 )]
 pub(super) async fn get(
     State(api): State<Api>,
+    call: Call,
     Path(session_id): Path<String>,
     Params(params): Params<EventsParams>,
     headers: HeaderMap,
-    extensions: Extensions,
 ) -> Result<Response, Problem> {
     if negotiation::names(&headers, "text/event-stream") {
-        let call = Call { peer: peer::address(&extensions), ..Call::default() };
         stream(&api, session_id, params, &headers, call).await
     } else {
-        page(&api, session_id, params, &headers).await
+        page(&api, session_id, params, &headers, call).await
     }
 }
 
@@ -86,6 +84,7 @@ async fn page(
     session_id: String,
     params: EventsParams,
     headers: &HeaderMap,
+    call: Call,
 ) -> Result<Response, Problem> {
     let EventsParams { page_size, page_token, include_points, after_revision, include_mesh } = params;
     refuse_other_form(
@@ -102,7 +101,7 @@ async fn page(
         page_token: page_token.unwrap_or_default(),
         include_points: include_points.unwrap_or_default(),
     };
-    Ok(ProtoJson(api.list_events(request, Call::default()).await?).into_response())
+    Ok(ProtoJson(api.list_events(request, call).await?).into_response())
 }
 
 async fn stream(

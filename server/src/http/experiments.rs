@@ -38,6 +38,7 @@ pub(super) struct ListParams {
 )]
 pub(super) async fn list(
     State(api): State<Api>,
+    call: Call,
     Params(params): Params<ListParams>,
 ) -> Result<ProtoJson<v1::ListExperimentsResponse>, Problem> {
     let ListParams { page_size, page_token } = params;
@@ -45,7 +46,7 @@ pub(super) async fn list(
         page_size: page_size.unwrap_or_default(),
         page_token: page_token.unwrap_or_default(),
     };
-    Ok(ProtoJson(api.list_experiments(request, Call::default()).await?))
+    Ok(ProtoJson(api.list_experiments(request, call).await?))
 }
 
 /// Which sessions, in which groups, and how.
@@ -76,6 +77,7 @@ pub(super) struct SummaryParams {
 )]
 pub(super) async fn summary(
     State(api): State<Api>,
+    call: Call,
     Path(experiment): Path<String>,
     headers: HeaderMap,
     Params(params): Params<SummaryParams>,
@@ -88,7 +90,7 @@ pub(super) async fn summary(
         by: by.iter().flat_map(|by| by.split(',')).map(str::to_owned).collect(),
         labels: labels.as_deref().map(parse_labels).transpose()?.unwrap_or_else(BTreeMap::new),
     };
-    let summary = api.summarize_experiment(request, Call::default()).await?;
+    let summary = api.summarize_experiment(request, call).await?;
     if is_table {
         return Ok(csv::table(&table(summary), "summary")?);
     }

@@ -41,6 +41,7 @@ use crate::error::Error;
 )]
 pub(super) async fn add_prior(
     State(api): State<Api>,
+    call: Call,
     Path(session_id): Path<String>,
     headers: HeaderMap,
     uri: Uri,
@@ -62,7 +63,7 @@ pub(super) async fn add_prior(
     };
     fill_session_id(&mut message.session_id, session_id)?;
     fill_request_id(&mut message.request_id, &headers)?;
-    Ok(ProtoJson(api.add_visual_prior(message, Call::default()).await?))
+    Ok(ProtoJson(api.add_visual_prior(message, call).await?))
 }
 
 /// A view as a script writes it, whose points may be arrays of numbers.
@@ -86,13 +87,14 @@ pub(super) fn prior_from_json(mut body: Value) -> Result<v1::AddVisualPriorReque
 )]
 pub(super) async fn propose(
     State(api): State<Api>,
+    call: Call,
     Path(session_id): Path<String>,
     headers: HeaderMap,
     ProtoJson(mut message): ProtoJson<v1::ProposeContactsRequest>,
 ) -> Result<ProtoJson<v1::ProposeContactsResponse>, Problem> {
     fill_session_id(&mut message.session_id, session_id)?;
     fill_request_id(&mut message.request_id, &headers)?;
-    Ok(ProtoJson(api.propose_contacts(message, Call::default()).await?))
+    Ok(ProtoJson(api.propose_contacts(message, call).await?))
 }
 
 /// Report what came of an approach
@@ -113,11 +115,12 @@ pub(super) async fn propose(
 )]
 pub(super) async fn report(
     State(api): State<Api>,
+    call: Call,
     Path(session_id): Path<String>,
     headers: HeaderMap,
     ProtoJson(mut message): ProtoJson<v1::ReportContactRequest>,
 ) -> Result<ProtoJson<v1::ReportContactResponse>, Problem> {
     fill_session_id(&mut message.session_id, session_id)?;
     fill_request_id(&mut message.request_id, &headers)?;
-    Ok(ProtoJson(api.report_contact(message, Call::default()).await?))
+    Ok(ProtoJson(api.report_contact(message, call).await?))
 }

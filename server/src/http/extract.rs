@@ -12,8 +12,11 @@ use serde_json::Value;
 
 use super::json;
 use super::problem::Problem;
+use crate::access::Caller;
+use crate::api::Call;
 use crate::error::Error;
 use crate::limits::Limits;
+use crate::peer;
 use crate::text::quoted;
 
 /// Query parameters; one that is unknown or cannot be read is refused.
@@ -26,6 +29,16 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Params<T> {
         let Query(params) =
             Query::try_from_uri(&parts.uri).map_err(|rejection| bad_parameter(&rejection.body_text()))?;
         Ok(Self(params))
+    }
+}
+
+/// Over HTTP nobody names a deadline.
+impl<S: Send + Sync> FromRequestParts<S> for Call {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Problem> {
+        let caller = Caller::of(&parts.extensions)?;
+        Ok(Self { deadline: None, caller, peer: peer::address(&parts.extensions) })
     }
 }
 

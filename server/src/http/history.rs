@@ -5,7 +5,7 @@ use axum::extract::{Path, Request, State};
 use axum::response::{IntoResponse, Response};
 use futures_util::StreamExt;
 use http::header::{CONTENT_TYPE, IF_MATCH, LOCATION};
-use http::{Extensions, HeaderMap, StatusCode};
+use http::{HeaderMap, StatusCode};
 use palpate_proto::{FieldMask, v1};
 use serde::Deserialize;
 use serde_json::Value;
@@ -16,7 +16,6 @@ use super::proto_json::{ProtoJson, from_json, to_json};
 use super::tagged;
 use crate::api::{Api, Call};
 use crate::error::Error;
-use crate::peer;
 
 /// Rename a session, or change its labels
 ///
@@ -41,6 +40,7 @@ use crate::peer;
 )]
 pub(super) async fn update(
     State(api): State<Api>,
+    call: Call,
     Path(session_id): Path<String>,
     headers: HeaderMap,
     request: Request,
@@ -50,12 +50,12 @@ pub(super) async fn update(
     let session = message.session.get_or_insert_default();
     fill_session_id(&mut session.session_id, session_id.clone())?;
     if text(&headers, &IF_MATCH) == Some("*") {
-        session.etag = api.get_session(v1::GetSessionRequest { session_id }, Call::default()).await?.etag;
+        session.etag = api.get_session(v1::GetSessionRequest { session_id }, call.clone()).await?.etag;
     } else if headers.contains_key(IF_MATCH) {
         session.etag = if_match(&headers);
     }
     fill_request_id(&mut message.request_id, &headers)?;
-    session_reply(StatusCode::OK, api.update_session(message, Call::default()).await?)
+    session_reply(StatusCode::OK, api.update_session(message, call).await?)
 }
 
 /// A body with the fields that change, or an `UpdateSessionRequest`.
@@ -92,6 +92,7 @@ fn update_of(body: &Value) -> Result<v1::UpdateSessionRequest, Error> {
 )]
 pub(super) async fn finish(
     State(api): State<Api>,
+    call: Call,
     Path(session_id): Path<String>,
     headers: HeaderMap,
     ProtoJson(mut message): ProtoJson<v1::FinishSessionRequest>,
@@ -101,7 +102,7 @@ pub(super) async fn finish(
     if message.etag.is_empty() {
         message.etag = if_match(&headers);
     }
-    session_reply(StatusCode::OK, api.finish_session(message, Call::default()).await?)
+    session_reply(StatusCode::OK, api.finish_session(message, call).await?)
 }
 
 /// Fork a session
@@ -124,13 +125,14 @@ pub(super) async fn finish(
 )]
 pub(super) async fn fork(
     State(api): State<Api>,
+    call: Call,
     Path(session_id): Path<String>,
     headers: HeaderMap,
     ProtoJson(mut message): ProtoJson<v1::ForkSessionRequest>,
 ) -> Result<Response, Problem> {
     fill_session_id(&mut message.session_id, session_id)?;
     fill_request_id(&mut message.request_id, &headers)?;
-    session_reply(StatusCode::CREATED, api.fork_session(message, Call::default()).await?)
+    session_reply(StatusCode::CREATED, api.fork_session(message, call).await?)
 }
 
 /// Retract an event
@@ -152,6 +154,7 @@ pub(super) async fn fork(
 )]
 pub(super) async fn retract(
     State(api): State<Api>,
+    call: Call,
     Path((session_id, seq)): Path<(String, String)>,
     headers: HeaderMap,
     ProtoJson(mut message): ProtoJson<v1::RetractEventRequest>,
@@ -164,7 +167,7 @@ pub(super) async fn retract(
     message.seq = seq;
     fill_session_id(&mut message.session_id, session_id)?;
     fill_request_id(&mut message.request_id, &headers)?;
-    session_reply(StatusCode::OK, api.retract_event(message, Call::default()).await?)
+    session_reply(StatusCode::OK, api.retract_event(message, call).await?)
 }
 
 /// Which steps to show again, and how.
@@ -196,9 +199,9 @@ pub(super) struct ReplayParams {
 )]
 pub(super) async fn replay(
     State(api): State<Api>,
+    call: Call,
     Path(session_id): Path<String>,
     Params(params): Params<ReplayParams>,
-    extensions: Extensions,
 ) -> Result<Response, Problem> {
     let ReplayParams { from_revision, to_revision, include_mesh, verify } = params;
     let request = v1::ReplaySessionRequest {
@@ -208,7 +211,6 @@ pub(super) async fn replay(
         include_mesh: include_mesh.unwrap_or_default(),
         verify: verify.unwrap_or_default(),
     };
-    let call = Call { peer: peer::address(&extensions), ..Call::default() };
     let steps = api.replay_session(request, call).await?;
     let lines = steps.map(|step| {
         let line = step.and_then(|step| to_json(&step));

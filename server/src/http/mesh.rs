@@ -81,6 +81,7 @@ pub(super) struct MeshArrays {
 )]
 pub(super) async fn get(
     State(api): State<Api>,
+    call: Call,
     Path(session_id): Path<String>,
     Params(params): Params<MeshParams>,
     headers: HeaderMap,
@@ -100,7 +101,7 @@ pub(super) async fn get(
         have_topology: String::new(),
         colormap: colormap.into(),
     };
-    let mesh = api.get_mesh(request, Call::default()).await?;
+    let mesh = api.get_mesh(request, call).await?;
     let cache = if revision == 0 { "no-cache" } else { "max-age=31536000, immutable" };
     let common = [(CACHE_CONTROL, cache), (VARY, "accept")];
     let etag = mesh.etag.clone();

@@ -5,7 +5,7 @@ use palpate_proto::v1;
 
 use super::problem::Problem;
 use super::proto_json::ProtoJson;
-use crate::api::Api;
+use crate::api::{Api, Call};
 
 /// Does the process answer?
 #[utoipa::path(get, path = "/healthz", tag = "operations", responses((status = 200, description = "Yes", body = String)))]
@@ -39,6 +39,9 @@ pub(super) async fn readyz(State(api): State<Api>) -> Result<String, Problem> {
         body = ref("#/components/schemas/ServerInfo"), content_type = "application/json",
     )),
 )]
-pub(super) async fn version(State(api): State<Api>) -> ProtoJson<v1::ServerInfo> {
-    ProtoJson(api.server_info())
+pub(super) async fn version(
+    State(api): State<Api>,
+    call: Call,
+) -> Result<ProtoJson<v1::ServerInfo>, Problem> {
+    Ok(ProtoJson(api.get_server_info(call).await?))
 }

@@ -13,7 +13,7 @@ use crate::text::cut;
 
 /// An answer that is not a success.
 #[derive(Clone, Debug)]
-pub(super) struct Problem {
+pub(crate) struct Problem {
     status: StatusCode,
     // Boxed, so that the results of handlers stay small.
     body: Box<Document>,

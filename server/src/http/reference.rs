@@ -63,6 +63,7 @@ pub(super) struct SetParams {
 )]
 pub(super) async fn set(
     State(api): State<Api>,
+    call: Call,
     Path(session_id): Path<String>,
     headers: HeaderMap,
     Params(params): Params<SetParams>,
@@ -73,7 +74,7 @@ pub(super) async fn set(
     let mesh = mesh_body(request, api.limits()).await?;
     let metres_per_unit = params.metres_per_unit.unwrap_or_default();
     let request = v1::SetReferenceRequest { session_id, mesh, format: format.into(), metres_per_unit };
-    let reference = api.set_reference(request, Call::default()).await?;
+    let reference = api.set_reference(request, call).await?;
     let etag = reference.sha256.clone();
     // A change is never "not modified", so the caller's If-None-Match is not looked at.
     Ok(tagged(&HeaderMap::new(), &etag, ProtoJson(reference)))
@@ -104,12 +105,13 @@ pub(super) async fn set(
 )]
 pub(super) async fn get(
     State(api): State<Api>,
+    call: Call,
     Path(session_id): Path<String>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let without_mesh = negotiation::names(&headers, "application/json");
     let request = v1::GetReferenceRequest { session_id: session_id.clone(), without_mesh };
-    let reference = api.get_reference(request, Call::default()).await?;
+    let reference = api.get_reference(request, call).await?;
     let etag = reference.sha256.clone();
     let body = if without_mesh { ProtoJson(reference).into_response() } else { file(reference, &session_id) };
     Ok(([(VARY, "accept")], tagged(&headers, &etag, body)).into_response())
@@ -136,10 +138,11 @@ fn file(reference: v1::Reference, session_id: &str) -> Response {
 )]
 pub(super) async fn delete(
     State(api): State<Api>,
+    call: Call,
     Path(session_id): Path<String>,
 ) -> Result<StatusCode, Problem> {
     let request = v1::DeleteReferenceRequest { session_id };
-    let v1::DeleteReferenceResponse {} = api.delete_reference(request, Call::default()).await?;
+    let v1::DeleteReferenceResponse {} = api.delete_reference(request, call).await?;
     Ok(StatusCode::NO_CONTENT)
 }
 

@@ -41,6 +41,7 @@ pub(super) struct SeriesParams {
 )]
 pub(super) async fn get(
     State(api): State<Api>,
+    call: Call,
     Path(session_id): Path<String>,
     headers: HeaderMap,
     Params(params): Params<SeriesParams>,
@@ -52,7 +53,7 @@ pub(super) async fn get(
         after_revision: after_revision.unwrap_or_default(),
         without_shadow: without_shadow.unwrap_or_default(),
     };
-    let series = api.get_series(request, Call::default()).await?;
+    let series = api.get_series(request, call).await?;
     if is_table {
         return Ok(csv::table(&table(series), &format!("{session_id}-series"))?);
     }

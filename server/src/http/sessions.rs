@@ -31,11 +31,12 @@ use crate::text::quoted;
 )]
 pub(super) async fn create(
     State(api): State<Api>,
+    call: Call,
     headers: HeaderMap,
     ProtoJson(mut request): ProtoJson<v1::CreateSessionRequest>,
 ) -> Result<Response, Problem> {
     fill_request_id(&mut request.request_id, &headers)?;
-    let session = api.create_session(request, Call::default()).await?;
+    let session = api.create_session(request, call).await?;
     let location = [(LOCATION, format!("/v1/sessions/{}", session.session_id))];
     let etag = session.etag.clone();
     // A creation is never "not modified", so the caller's If-None-Match is not looked at.
@@ -70,6 +71,7 @@ pub(super) struct ListParams {
 )]
 pub(super) async fn list(
     State(api): State<Api>,
+    call: Call,
     Params(params): Params<ListParams>,
 ) -> Result<ProtoJson<v1::ListSessionsResponse>, Problem> {
     let ListParams { experiment, state, labels, page_size, page_token } = params;
@@ -80,7 +82,7 @@ pub(super) async fn list(
         labels: labels.as_deref().map(parse_labels).transpose()?.unwrap_or_default(),
         state: state.as_deref().map(parse_state).transpose()?.unwrap_or_default().into(),
     };
-    Ok(ProtoJson(api.list_sessions(request, Call::default()).await?))
+    Ok(ProtoJson(api.list_sessions(request, call).await?))
 }
 
 /// Read a session
@@ -101,10 +103,11 @@ pub(super) async fn list(
 )]
 pub(super) async fn get(
     State(api): State<Api>,
+    call: Call,
     Path(session_id): Path<String>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let session = api.get_session(v1::GetSessionRequest { session_id }, Call::default()).await?;
+    let session = api.get_session(v1::GetSessionRequest { session_id }, call).await?;
     let etag = session.etag.clone();
     Ok(tagged(&headers, &etag, ProtoJson(session)))
 }
@@ -121,13 +124,14 @@ pub(super) async fn get(
 )]
 pub(super) async fn delete(
     State(api): State<Api>,
+    call: Call,
     Path(session_id): Path<String>,
     headers: HeaderMap,
 ) -> Result<StatusCode, Problem> {
     let mut request =
         v1::DeleteSessionRequest { session_id, etag: if_match(&headers), request_id: String::new() };
     fill_request_id(&mut request.request_id, &headers)?;
-    let v1::DeleteSessionResponse {} = api.delete_session(request, Call::default()).await?;
+    let v1::DeleteSessionResponse {} = api.delete_session(request, call).await?;
     Ok(StatusCode::NO_CONTENT)
 }
 

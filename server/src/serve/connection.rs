@@ -11,6 +11,7 @@ use hyper::body::Incoming;
 use hyper::service::service_fn;
 use hyper_util::rt::{TokioExecutor, TokioIo, TokioTimer};
 use hyper_util::server::conn::auto::Builder;
+use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::TcpStream;
 use tokio::time::sleep;
 use tokio_util::sync::CancellationToken;
@@ -19,6 +20,8 @@ use tonic::transport::server::TcpConnectInfo;
 use super::activity::Activity;
 use super::door::Door;
 use super::stall::Patient;
+use super::tls::{self, Tls};
+use crate::access::CertificateName;
 use crate::limits::Limits;
 
 /// A silent connection is probed this often, and given up when it does not answer in time.
@@ -39,19 +42,23 @@ const LEAST_BUFFER_BYTES: usize = 8192;
 pub(super) struct Connections {
     router: Router,
     door: Door,
+    tls: Option<Tls>,
     protocol: Builder<TokioExecutor>,
     idle: Duration,
     send_timeout: Duration,
+    handshake_timeout: Duration,
 }
 
 impl Connections {
-    pub(super) fn new(router: Router, door: Door, limits: &Limits) -> Self {
+    pub(super) fn new(router: Router, door: Door, tls: Option<Tls>, limits: &Limits) -> Self {
         Self {
             router,
             door,
+            tls,
             protocol: protocol(limits),
             idle: limits.idle,
             send_timeout: limits.send_timeout,
+            handshake_timeout: limits.head_timeout,
         }
     }
 
@@ -60,19 +67,47 @@ impl Connections {
         // Replies are small and somebody waits for them. Where it cannot be set, they are only slower.
         let _ = stream.set_nodelay(true);
         let address = TcpConnectInfo { local_addr: stream.local_addr().ok(), remote_addr: Some(peer) };
+        let Some(tls) = &self.tls else {
+            return self.answer(Patient::new(stream, self.send_timeout), address, None, peer, shutdown).await;
+        };
+        let handshake = tokio::time::timeout(self.handshake_timeout, tls.accept(stream, self.send_timeout));
+        let handshake = shutdown.run_until_cancelled(handshake);
+        match handshake.await {
+            Some(Ok(Ok(stream))) => {
+                let name = tls::client_name(&stream);
+                self.answer(stream, address, name, peer, shutdown).await;
+            }
+            Some(Ok(Err(error))) => tracing::info!(%peer, %error, "a connection was not encrypted"),
+            Some(Err(_elapsed)) => tracing::debug!(%peer, "a connection took too long to be encrypted"),
+            None => {}
+        }
+    }
+
+    /// Answers requests until the connection ends.
+    async fn answer(
+        &self,
+        stream: impl AsyncRead + AsyncWrite + Unpin + 'static,
+        address: TcpConnectInfo,
+        name: Option<CertificateName>,
+        peer: SocketAddr,
+        shutdown: CancellationToken,
+    ) {
         let activity = Activity::new();
         let service = service_fn(|request: Request<Incoming>| {
             let open = activity.begin();
-            let (door, router, address) = (self.door.clone(), self.router.clone(), address.clone());
+            let (door, router) = (self.door.clone(), self.router.clone());
+            let (address, name) = (address.clone(), name.clone());
             async move {
                 let mut request = request.map(Body::new);
                 request.extensions_mut().insert(address);
+                if let Some(name) = name {
+                    request.extensions_mut().insert(name);
+                }
                 let response = door.pass(request, router).await;
                 Ok::<_, Infallible>(response.map(|body| open.until_sent(body)))
             }
         });
-        let stream = TokioIo::new(Patient::new(stream, self.send_timeout));
-        let connection = self.protocol.serve_connection(stream, service);
+        let connection = self.protocol.serve_connection(TokioIo::new(stream), service);
         tokio::pin!(connection);
         tokio::select! {
             outcome = connection.as_mut() => return log_end(peer, outcome),

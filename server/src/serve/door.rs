@@ -7,19 +7,18 @@ use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
 
 use axum::Router;
-use axum::body::Body;
 use axum::extract::Request;
 use axum::response::Response;
-use http::header::{CONTENT_TYPE, HOST, ORIGIN};
+use http::header::{HOST, ORIGIN};
 use http::request::Parts;
 use http::uri::Authority;
-use http::{HeaderMap, HeaderValue, Method, Version};
+use http::{HeaderValue, Method, Version};
 use tower::ServiceExt;
 
 use super::headers;
+use crate::access::guard;
 use crate::error::Error;
 use crate::limits::Limits;
-use crate::{grpc, http as web};
 
 /// What HTTP/2 adds to the length of each header when it counts them.
 const HEADER_OVERHEAD_BYTES: usize = 32;
@@ -74,20 +73,11 @@ impl Door {
             }
             Err(error) => {
                 tracing::info!(method = %parts.method, path = parts.uri.path(), %error, "refused at the door");
-                let mut response = refusal(&parts.headers, &error);
+                let mut response = guard::refusal(&parts.headers, &error);
                 headers::guard(response.headers_mut(), false);
                 response
             }
         }
-    }
-}
-
-fn refusal(headers: &HeaderMap, error: &Error) -> Response<Body> {
-    let content_type =
-        headers.get(CONTENT_TYPE).filter(|value| value.as_bytes().starts_with(b"application/grpc"));
-    match content_type {
-        Some(content_type) => grpc::refusal(error, content_type),
-        None => web::refusal(error),
     }
 }
 

@@ -58,6 +58,8 @@ pub(crate) struct Takeover<S> {
     pub(crate) session_id: String,
     pub(crate) request: RequestKey,
     pub(crate) events: Vec<Event>,
+    /// The token that it is counted for.
+    pub(crate) owner: Option<String>,
     /// What lists show of the session as it ends, and the reply to the caller.
     pub(crate) describe: fn(S) -> Created<S>,
 }
@@ -83,7 +85,7 @@ impl<S: Aggregate + Clone> Sessions<S> {
 
     async fn copy_now(&self, copy: Copy<S>) -> Result<Reply, Error> {
         let Copy { creation, mut original, carry, reply } = copy;
-        let Creation { session_id: wanted, request, actor, create } = creation;
+        let Creation { session_id: wanted, request, actor, owner, create } = creation;
         self.refuse_while_stopping()?;
         if let Some(first) = self.first_creation(&wanted, &request).await? {
             return Ok(first);
@@ -121,13 +123,13 @@ impl<S: Aggregate + Clone> Sessions<S> {
             Original::Session(session_id, _) => Some(session_id),
             Original::Events(_) => None,
         };
-        let session = NewSession { head, experiment, labels, imported_by: None, reference_of };
+        let session = NewSession { head, experiment, labels, imported_by: None, owner, reference_of };
         let copied = Copied { session, events, state, kept };
         self.write_copy(copied, &wanted, &request, reply).await
     }
 
     async fn take_over_now(&self, takeover: Takeover<S>) -> Result<Reply, Error> {
-        let Takeover { session_id, request, events, describe } = takeover;
+        let Takeover { session_id, request, events, owner, describe } = takeover;
         self.refuse_while_stopping()?;
         if let Some(first) = self.first_creation(&session_id, &request).await? {
             return Ok(first);
@@ -146,7 +148,7 @@ impl<S: Aggregate + Clone> Sessions<S> {
         head.link = last_link(&session_id, &events);
         let RequestKey { id: request_id, digest: request_digest } = request.clone();
         let imported_by = Some(Import { request_id, request_digest, reply: described.reply.clone() });
-        let session = NewSession { head, experiment, labels, imported_by, reference_of: None };
+        let session = NewSession { head, experiment, labels, imported_by, owner, reference_of: None };
         let copied = Copied { session, events, state, kept };
         self.write_copy(copied, &session_id, &request, described.reply).await
     }

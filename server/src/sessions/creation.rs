@@ -11,7 +11,7 @@ use crate::store::{FirstRequest, NewSession, StoreError, first_link};
 
 impl<S: Aggregate> Sessions<S> {
     pub(super) async fn create_now(&self, creation: &Creation<S>) -> Result<Reply, Error> {
-        let Creation { session_id: wanted, request, actor, create } = creation;
+        let Creation { session_id: wanted, request, actor, owner, create } = creation;
         self.refuse_while_stopping()?;
         let session_id = if wanted.is_empty() { Uuid::now_v7().to_string() } else { wanted.clone() };
         for _ in 0..ATTEMPTS {
@@ -21,7 +21,9 @@ impl<S: Aggregate> Sessions<S> {
             self.check_quota().await?;
             let Created { event, computed, experiment, labels } = create(&session_id, now_us())?;
             let (_, head, event) = recorded(computed, request, event, actor, &first_link(&session_id));
-            let session = NewSession { head, experiment, labels, imported_by: None, reference_of: None };
+            let owner = owner.clone();
+            let session =
+                NewSession { head, experiment, labels, imported_by: None, owner, reference_of: None };
             let reply = event.reply.clone();
             match self.store.create(session, vec![event]).await {
                 Ok(()) => return Ok(Reply { bytes: reply, duplicate: false }),

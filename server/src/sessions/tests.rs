@@ -351,7 +351,8 @@ impl World {
             })
         });
         let request = self.key(('c', session, body), request);
-        let creation = Creation { session_id: self.id(session), request, actor: String::new(), create };
+        let creation =
+            Creation { session_id: self.id(session), request, actor: String::new(), owner: None, create };
         outcome(self.runtime.block_on(self.sessions.create(creation)))
     }
 

@@ -8,7 +8,7 @@ use super::StoreError;
 use super::change::{Change, Damage, Deletion, Import, NewSession, SessionHead};
 use super::event::Event;
 use super::link::{self, Link, Sealed};
-use super::references;
+use super::{references, tokens};
 use crate::session::now_us;
 
 /// Applies one change within a transaction.
@@ -53,7 +53,7 @@ async fn create(
     session: &NewSession,
     events: &[Event],
 ) -> Result<(), StoreError> {
-    let NewSession { head, experiment, labels, imported_by, reference_of } = session;
+    let NewSession { head, experiment, labels, imported_by, owner, reference_of } = session;
     let SessionHead { session_id, created_us, state, summary, link, new_labels: _ } = head;
     let last = events.last().map_or(0, |event| event.seq);
     sqlx::query(
@@ -79,6 +79,10 @@ async fn create(
     }
     if let Some(origin) = reference_of {
         references::keep_that_of(connection, session_id, origin).await?;
+    }
+    if let Some(token_id) = owner {
+        let bytes = events.iter().map(Event::bytes).sum();
+        tokens::own(connection, session_id, token_id, bytes).await?;
     }
     Ok(())
 }
@@ -160,7 +164,8 @@ async fn append(
             .await?;
         label(connection, session_id, labels).await?;
     }
-    insert_event(connection, session_id, link, event).await
+    insert_event(connection, session_id, link, event).await?;
+    tokens::grow(connection, session_id, event.bytes()).await
 }
 
 async fn insert_event(

@@ -14,6 +14,8 @@ pub(crate) struct NewSession {
     pub(crate) labels: BTreeMap<String, String>,
     /// The request that made it, where that is not the one of its first event.
     pub(crate) imported_by: Option<Import>,
+    /// The token that it is counted for.
+    pub(crate) owner: Option<String>,
     /// The session whose reference mesh it keeps, too.
     pub(crate) reference_of: Option<String>,
 }

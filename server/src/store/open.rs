@@ -312,7 +312,8 @@ pub(super) async fn reader(database: &Path) -> Result<SqliteConnection, sqlx::Er
     options(database).read_only(true).connect().await
 }
 
-fn options(database: &Path) -> SqliteConnectOptions {
+/// How connections are opened.
+pub(super) fn options(database: &Path) -> SqliteConnectOptions {
     SqliteConnectOptions::new().filename(database).foreign_keys(true).busy_timeout(BUSY_TIMEOUT)
 }
 

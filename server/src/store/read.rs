@@ -91,6 +91,8 @@ pub(crate) struct FirstRequest {
 /// Which sessions to list; all that is given must match.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Filter {
+    /// Experiments whose names begin so.
+    pub(crate) experiments: Option<String>,
     pub(crate) experiment: Option<String>,
     pub(crate) state: Option<StateFilter>,
     pub(crate) labels: BTreeMap<String, String>,
@@ -155,10 +157,17 @@ impl Store {
         Ok(sqlx::query_scalar("select count(*) from sessions").fetch_one(&self.readers).await?)
     }
 
-    /// Up to `count` experiments after the one called `after`, by name, each in as many parts as its sessions have
-    /// states.
+    /// The experiment of a session; nothing where there is no such session.
+    pub(crate) async fn experiment_of(&self, session_id: &str) -> Result<Option<String>, StoreError> {
+        let query = sqlx::query_scalar("select experiment from sessions where session_id = $1");
+        Ok(query.bind(session_id).fetch_optional(&self.readers).await?)
+    }
+
+    /// Up to `count` experiments whose names begin with `prefix` after the one called `after`, by name, each in as many
+    /// parts as its sessions have states.
     pub(crate) async fn experiments(
         &self,
+        prefix: &str,
         after: Option<&str>,
         count: i64,
     ) -> Result<Vec<ExperimentPart>, StoreError> {
@@ -167,12 +176,13 @@ impl Store {
                  min(created_us) as first_us, max(created_us) as last_us
              from sessions
              where experiment in (
-                 select distinct experiment from sessions where $1 is null or experiment > $1
+                 select distinct experiment from sessions
+                 where ($1 is null or experiment > $1) and substr(experiment, 1, length($3)) = $3
                  order by experiment limit $2
              )
              group by experiment, state, damage is not null order by experiment",
         );
-        Ok(query.bind(after).bind(count).fetch_all(&self.readers).await?)
+        Ok(query.bind(after).bind(count).bind(prefix).fetch_all(&self.readers).await?)
     }
 
     /// Up to `count` sessions after `after`, newest first.
@@ -182,9 +192,16 @@ impl Store {
         after: Option<&PageEnd>,
         count: i64,
     ) -> Result<Vec<SessionRow>, StoreError> {
-        let Filter { experiment, state, labels } = filter;
+        let Filter { experiments, experiment, state, labels } = filter;
         let mut query = QueryBuilder::<Sqlite>::new("select ");
         query.push(SESSION_COLUMNS).push(" where 1 = 1");
+        if let Some(prefix) = experiments {
+            query
+                .push(" and substr(experiment, 1, length(")
+                .push_bind(prefix)
+                .push(")) = ")
+                .push_bind(prefix);
+        }
         if let Some(experiment) = experiment {
             query.push(" and experiment = ").push_bind(experiment);
         }

@@ -32,7 +32,14 @@ fn head(session_id: &str, event: &Event, before: &Link) -> SessionHead {
 fn session(session_id: &str, first: &Event) -> NewSession {
     let labels = [("object".to_owned(), session_id.to_owned())].into();
     let head = head(session_id, first, &first_link(session_id));
-    NewSession { head, experiment: "bench".into(), labels, imported_by: None, reference_of: None }
+    NewSession {
+        head,
+        experiment: "bench".into(),
+        labels,
+        imported_by: None,
+        owner: None,
+        reference_of: None,
+    }
 }
 
 fn event(seq: i64, request_id: &str) -> Event {

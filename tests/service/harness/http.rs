@@ -17,15 +17,25 @@ static CONTRACT: LazyLock<DescriptorPool> =
 pub(crate) struct Http {
     client: reqwest::Client,
     url: String,
+    token: Option<String>,
 }
 
 impl Http {
     pub(super) fn new(url: String) -> Self {
-        Self { client: reqwest::Client::new(), url }
+        Self { client: reqwest::Client::new(), url, token: None }
     }
 
     pub(crate) fn request(&self, method: Method, path: &str) -> RequestBuilder {
-        self.client.request(method, format!("{}{path}", self.url))
+        let request = self.client.request(method, format!("{}{path}", self.url));
+        match &self.token {
+            Some(token) => request.bearer_auth(token),
+            None => request,
+        }
+    }
+
+    /// The same caller, who shows this token.
+    pub(crate) fn with_token(&self, token: &str) -> Self {
+        Self { token: Some(token.to_owned()), ..self.clone() }
     }
 
     pub(crate) fn get(&self, path: &str) -> RequestBuilder {
@@ -119,6 +129,11 @@ impl From<Response> for EventStream {
 }
 
 impl EventStream {
+    /// Reads until the stream ends, well or not.
+    pub(crate) async fn ended(&mut self) {
+        while let Ok(Some(_)) = self.response.chunk().await {}
+    }
+
     /// The next event, comments left out; `None` at the end of the stream.
     pub(crate) async fn next(&mut self) -> Option<SseEvent> {
         loop {

@@ -3,6 +3,7 @@
 use std::net::SocketAddr;
 use std::path::Path;
 use std::process::{ExitStatus, Stdio};
+use std::sync::{Arc, Mutex};
 
 use serde_json::Value;
 use tokio::io::{AsyncBufReadExt, BufReader};
@@ -16,6 +17,7 @@ use super::{Caller, Http, Transport, soon};
 pub(crate) struct Process {
     child: Child,
     pub(crate) address: SocketAddr,
+    log: Arc<Mutex<String>>,
 }
 
 impl Process {
@@ -26,9 +28,14 @@ impl Process {
 
     /// The same with more for the program, such as its environment.
     pub(crate) async fn serve_with(database: &Path, more: impl FnOnce(&mut Command)) -> Self {
+        Self::serve_logging(database, "info", more).await
+    }
+
+    /// The same with this much in its log.
+    pub(crate) async fn serve_logging(database: &Path, level: &str, more: impl FnOnce(&mut Command)) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_palpate-under-test"));
         command
-            .args(["--log-format", "json", "--log", "info", "serve", "--listen", "127.0.0.1:0", "--database"])
+            .args(["--log-format", "json", "--log", level, "serve", "--listen", "127.0.0.1:0", "--database"])
             .arg(database)
             .stderr(Stdio::piped())
             .kill_on_drop(true);
@@ -39,12 +46,18 @@ impl Process {
             let line = soon("the server's log", log.next_line()).await.unwrap().expect("the server starts");
             let line: Value = serde_json::from_str(&line).unwrap();
             if let Some(api) = line["api"].as_str() {
-                break api.strip_prefix("http://").unwrap().parse().unwrap();
+                break api.split_once("://").unwrap().1.parse().unwrap();
             }
         };
         // A log that nobody reads would fill its pipe and stop the server.
-        tokio::spawn(async move { while let Ok(Some(_)) = log.next_line().await {} });
-        Self { child, address }
+        let said = Arc::new(Mutex::new(String::new()));
+        let saying = said.clone();
+        tokio::spawn(async move {
+            while let Ok(Some(line)) = log.next_line().await {
+                saying.lock().unwrap().push_str(&(line + "\n"));
+            }
+        });
+        Self { child, address, log: said }
     }
 
     /// What the program says where it cannot start.
@@ -60,6 +73,11 @@ impl Process {
         let refused = soon("the program ends", command.output()).await.unwrap();
         assert!(!refused.status.success());
         String::from_utf8(refused.stderr).unwrap()
+    }
+
+    /// What its log has said since it listens.
+    pub(crate) fn log(&self) -> String {
+        self.log.lock().unwrap().clone()
     }
 
     pub(crate) fn url(&self) -> String {

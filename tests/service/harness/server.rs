@@ -49,7 +49,7 @@ impl Server {
         Err(ended.expect("it does not panic").expect_err("it ends because it refuses").to_string())
     }
 
-    async fn over(folder: TempDir, options: ServeOptions) -> Self {
+    pub(super) async fn over(folder: TempDir, options: ServeOptions) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = listener.local_addr().unwrap();
         let shutdown = CancellationToken::new();

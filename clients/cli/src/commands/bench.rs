@@ -8,14 +8,14 @@ mod process;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use palpate_client::RetryPolicy;
 use palpate_client::proto::v1::Method;
-use palpate_client::{Client, RetryPolicy};
 
 use self::figures::Figures;
 use self::load::Load;
 use self::process::ServerProcess;
 use super::robot::{attempts, parser};
-use super::server::address;
+use super::server::{CallerArgs, address};
 use crate::failure::{Ended, Failure};
 use crate::terminal::{say, wrapped};
 use crate::writable;
@@ -34,6 +34,9 @@ pub(crate) struct Args {
     /// The server to measure; one of its own, over a temporary database, unless given.
     #[arg(long = "server", value_name = "URL", value_parser = address, help_heading = "Server")]
     url: Option<String>,
+
+    #[command(flatten)]
+    caller: CallerArgs,
 
     /// How many robots touch at once, each in a session of its own.
     #[arg(long, value_name = "N", default_value_t = 8, help_heading = "Load")]
@@ -91,8 +94,13 @@ async fn measure(args: &Args) -> Result<Figures, Failure> {
     let url = args.url.as_deref().or(own.as_ref().map(|own| own.url.as_str())).unwrap_or_default();
     // Refusals are to be seen, so the client does not ask again by itself.
     let once = RetryPolicy { max_attempts: 1, ..RetryPolicy::default() };
-    let client =
-        Client::builder(url).deadline(Duration::from_secs_f64(args.deadline)).retry(once).connect().await?;
+    let client = args
+        .caller
+        .client(url)?
+        .deadline(Duration::from_secs_f64(args.deadline))
+        .retry(once)
+        .connect()
+        .await?;
     let load = Load {
         sessions: args.sessions,
         attempts: args.attempts,

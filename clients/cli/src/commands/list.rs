@@ -107,7 +107,7 @@ fn state(state: SessionState) -> &'static str {
 }
 
 /// The rows as lines, each column as wide as its widest cell; what nobody sees in a terminal is escaped.
-fn table(rows: &[Vec<String>]) -> Vec<String> {
+pub(super) fn table(rows: &[Vec<String>]) -> Vec<String> {
     let rows: Vec<Vec<String>> =
         rows.iter().map(|row| row.iter().map(|cell| shown(cell)).collect()).collect();
     let columns = rows.first().map_or(0, Vec::len);

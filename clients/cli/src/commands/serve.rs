@@ -12,7 +12,7 @@ use tokio_util::sync::CancellationToken;
 use super::simulations;
 use crate::failure::Failure;
 use crate::writable;
-use palpate_server::{ServeOptions, parse_host, parse_origin, serve};
+use palpate_server::{ServeOptions, TlsFiles, parse_host, parse_origin, serve};
 
 /// The exit code of a process that was interrupted: 128 and the number of SIGINT.
 const INTERRUPTED: i32 = 130;
@@ -29,6 +29,8 @@ Examples:
           a free port, and a database to throw away
   palpate serve --simulated-robots 4
           with robots that can be started from the page, to look around
+  palpate serve --listen 0.0.0.0:7257 --tls-cert cert.pem --tls-key key.pem
+          for the lab's network, with tokens made by `palpate token create`
   palpate serve --allow-origin http://localhost:5173
           for a web page that is developed on that port";
 
@@ -43,9 +45,31 @@ pub(crate) struct Args {
     #[arg(long, env = "PALPATE_DATABASE", value_name = "FILE", default_value = "palpate.db")]
     database: PathBuf,
 
-    /// Serve other machines too, although anyone who reaches the port can then read and change every session.
-    #[arg(long)]
+    /// Ask nobody who they are, on whatever address: anyone who reaches the port can then read and change every
+    /// session. On the loopback that is so unless tokens are required.
+    #[arg(long, conflicts_with_all = ["require_tokens", "client_ca"], help_heading = "Access")]
     insecure_open: bool,
+
+    /// Ask callers for a token on the loopback, too; `palpate token create` makes them. On other addresses they are
+    /// always asked.
+    #[arg(long, env = "PALPATE_REQUIRE_TOKENS", help_heading = "Access")]
+    require_tokens: bool,
+
+    /// Speak TLS with this certificate, in PEM, with those up to its authority. It is read again when it changes.
+    #[arg(long = "tls-cert", env = "PALPATE_TLS_CERT", value_name = "FILE", requires = "tls_key")]
+    #[arg(help_heading = "Access")]
+    tls_cert: Option<PathBuf>,
+
+    /// The private key of the certificate, in PEM.
+    #[arg(long = "tls-key", env = "PALPATE_TLS_KEY", value_name = "FILE", requires = "tls_cert")]
+    #[arg(help_heading = "Access")]
+    tls_key: Option<PathBuf>,
+
+    /// Let in who has a certificate of this authority, in PEM, without a token. Its common name says what its holder
+    /// may do: SCOPE:NAME or SCOPE:NAME:EXPERIMENTS, such as robot:arm-1.
+    #[arg(long = "tls-client-ca", env = "PALPATE_TLS_CLIENT_CA", value_name = "FILE", requires = "tls_cert")]
+    #[arg(help_heading = "Access")]
+    client_ca: Option<PathBuf>,
 
     /// A web origin whose pages may call this server, such as `https://lab.example`; several are comma separated,
     /// or each has its own flag.
@@ -73,13 +97,28 @@ fn resolve(text: &str) -> Result<SocketAddr, String> {
 
 /// Serves until a signal says stop.
 pub(crate) async fn run(args: Args) -> Result<(), Failure> {
-    let Args { listen, database, insecure_open, allowed_origins, allowed_hosts, simulated_robots } = args;
-    refuse_open_network(listen, insecure_open)?;
+    let Args {
+        listen,
+        database,
+        insecure_open,
+        require_tokens,
+        tls_cert,
+        tls_key,
+        client_ca,
+        allowed_origins,
+        allowed_hosts,
+        simulated_robots,
+    } = args;
+    let require_tokens = require_tokens || !(listen.ip().is_loopback() || insecure_open);
+    let tls = tls_cert.zip(tls_key).map(|(certificate, key)| TlsFiles { certificate, key, client_ca });
+    if tls.is_some() && simulated_robots > 0 {
+        return Err("--simulated-robots call this server in the clear, and with --tls-cert it does not listen to that: \
+                    leave one of them out"
+            .into());
+    }
     writable::check("--database", &database)?;
     let listener = TcpListener::bind(listen).await.map_err(|error| explain_bind(listen, &error))?;
-    if !listen.ip().is_loopback() {
-        tracing::warn!(%listen, "--insecure-open: whoever reaches this port can read and change every session");
-    }
+    tell_risks(listen, require_tokens, tls.is_some());
     let shutdown = CancellationToken::new();
     tokio::spawn(cancel_on_signal(shutdown.clone()));
     let additional_routes =
@@ -88,6 +127,8 @@ pub(crate) async fn run(args: Args) -> Result<(), Failure> {
         database,
         allowed_origins,
         allowed_hosts,
+        require_tokens,
+        tls,
         additional_routes,
         ..ServeOptions::default()
     };
@@ -97,17 +138,19 @@ pub(crate) async fn run(args: Args) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Nothing here authenticates a caller, so only this machine may call unless somebody says otherwise.
-fn refuse_open_network(listen: SocketAddr, insecure_open: bool) -> Result<(), Failure> {
-    if listen.ip().is_loopback() || insecure_open {
-        return Ok(());
+/// Says what others on the network could do.
+fn tell_risks(listen: SocketAddr, require_tokens: bool, is_encrypted: bool) {
+    if listen.ip().is_loopback() {
+        return;
     }
-    let text = format!(
-        "--listen {listen} can be reached from other machines, and this version does not authenticate callers.\n\
-         Listen on 127.0.0.1 and let an authenticating proxy or an ssh tunnel face the network,\n\
-         or add --insecure-open if everyone who reaches this port may read and change every session."
-    );
-    Err(text.into())
+    if !require_tokens {
+        tracing::warn!(%listen, "--insecure-open: whoever reaches this port can read and change every session");
+    } else if !is_encrypted {
+        tracing::warn!(
+            %listen,
+            "tokens come in the clear: give --tls-cert and --tls-key, unless what lies between is trusted or encrypts"
+        );
+    }
 }
 
 fn explain_bind(listen: SocketAddr, error: &std::io::Error) -> String {
@@ -177,7 +220,7 @@ mod tests {
     #[test]
     fn without_flags_only_this_machine_is_served() {
         let Serve { args } = Serve::parse_from(["serve"]);
-        assert!(refuse_open_network(args.listen, args.insecure_open).is_ok());
+        assert!(args.listen.ip().is_loopback() && !args.insecure_open && !args.require_tokens);
         assert!(args.allowed_origins.is_empty());
     }
 
@@ -188,12 +231,14 @@ mod tests {
     }
 
     #[test]
-    fn only_this_machine_is_served_unless_told_otherwise() {
-        assert!(refuse_open_network("127.0.0.1:1".parse().unwrap(), false).is_ok());
-        assert!(refuse_open_network("[::1]:1".parse().unwrap(), false).is_ok());
-        assert!(refuse_open_network("0.0.0.0:1".parse().unwrap(), true).is_ok());
-        let failure = refuse_open_network("0.0.0.0:1".parse().unwrap(), false).unwrap_err();
-        assert!(failure.to_string().contains("--insecure-open"));
+    fn what_contradicts_itself_is_refused() {
+        for wrong in [
+            ["--insecure-open", "--require-tokens"].as_slice(),
+            &["--tls-cert", "cert.pem"],
+            &["--tls-client-ca", "ca.pem"],
+        ] {
+            assert!(Serve::try_parse_from([&["serve"], wrong].concat()).is_err(), "{wrong:?}");
+        }
     }
 
     #[tokio::test]

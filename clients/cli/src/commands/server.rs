@@ -1,13 +1,18 @@
-//! Which server a command talks to.
+//! Which server a command talks to, and as whom.
 
-use palpate_client::Client;
+use std::path::{Path, PathBuf};
+
+use palpate_client::{Client, ClientBuilder};
 
 use crate::failure::Failure;
+
+/// Where a token is kept that no list of processes shows.
+const TOKEN: &str = "PALPATE_TOKEN";
 
 /// The server.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct ServerArgs {
-    /// The server to talk to.
+    /// The server to talk to; https:// where it speaks TLS.
     #[arg(
         long = "server",
         env = "PALPATE_SERVER",
@@ -16,24 +21,75 @@ pub(super) struct ServerArgs {
     )]
     #[arg(value_parser = address)]
     pub(super) url: String,
+
+    #[command(flatten)]
+    pub(super) caller: CallerArgs,
+}
+
+/// Who calls, and whom they trust.
+#[derive(Clone, Debug, Default, clap::Args)]
+#[command(next_help_heading = "Access")]
+pub(super) struct CallerArgs {
+    /// The file that holds the token to call with, as `palpate token create` prints it. The environment variable
+    /// PALPATE_TOKEN may hold the token itself.
+    #[arg(long, env = "PALPATE_TOKEN_FILE", value_name = "FILE")]
+    token_file: Option<PathBuf>,
+
+    /// The authority that the server's certificate comes from, in PEM, instead of those that the system trusts.
+    #[arg(long = "ca", env = "PALPATE_CA", value_name = "FILE")]
+    authority: Option<PathBuf>,
+
+    /// A certificate to call with, in PEM, where the server knows callers by theirs.
+    #[arg(long, env = "PALPATE_CERTIFICATE", value_name = "FILE", requires = "key")]
+    certificate: Option<PathBuf>,
+
+    /// Its private key, in PEM.
+    #[arg(long, env = "PALPATE_KEY", value_name = "FILE", requires = "certificate")]
+    key: Option<PathBuf>,
 }
 
 impl ServerArgs {
     pub(super) async fn connect(&self) -> Result<Client, Failure> {
-        Ok(Client::connect(&self.url).await?)
+        Ok(self.caller.client(&self.url)?.connect().await?)
     }
 }
 
-/// An address of a server; encrypted ones are refused, as nothing would be encrypted.
+impl CallerArgs {
+    /// A client of the server at this address, which says who calls.
+    pub(super) fn client(&self, url: &str) -> Result<ClientBuilder, Failure> {
+        let mut builder = Client::builder(url);
+        if let Some(token) = self.token()? {
+            builder = builder.token(&token);
+        }
+        if let Some(path) = &self.authority {
+            builder = builder.certificate_authority(&read("--ca", path)?);
+        }
+        if let (Some(certificate), Some(key)) = (&self.certificate, &self.key) {
+            builder = builder.certificate(&read("--certificate", certificate)?, &read("--key", key)?);
+        }
+        Ok(builder)
+    }
+
+    fn token(&self) -> Result<Option<String>, Failure> {
+        match &self.token_file {
+            Some(path) => Ok(Some(read("--token-file", path)?)),
+            None => Ok(std::env::var(TOKEN).ok().filter(|token| !token.trim().is_empty())),
+        }
+    }
+}
+
+fn read(flag: &str, path: &Path) -> Result<String, Failure> {
+    Ok(std::fs::read_to_string(path).map_err(|error| format!("{flag} {}: {error}", path.display()))?)
+}
+
+/// An address of a server.
 pub(super) fn address(text: &str) -> Result<String, String> {
     match text.split_once("://") {
-        Some(("https", rest)) => Err(format!(
-            "this version does not speak TLS: write http://{rest} if the way there may be read by others, or let a \
-             tunnel encrypt it, such as `ssh -L 7257:127.0.0.1:7257 HOST`"
-        )),
-        Some(("http", _)) => Ok(text.to_owned()),
+        Some(("http" | "https", _)) => Ok(text.to_owned()),
         None => Ok(format!("http://{text}")),
-        Some((scheme, rest)) => Err(format!("{scheme}:// is not spoken here: write http://{rest}")),
+        Some((scheme, rest)) => {
+            Err(format!("{scheme}:// is not spoken here: write http://{rest}, or https://"))
+        }
     }
 }
 
@@ -42,10 +98,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_encrypted_address_is_refused_and_a_bare_one_is_completed() {
-        assert!(address("https://127.0.0.1:7257").unwrap_err().contains("write http://127.0.0.1:7257"));
+    fn a_bare_address_is_completed_and_another_scheme_refused() {
         assert!(address("ftp://lab").unwrap_err().contains("write http://lab"));
         assert_eq!(address("127.0.0.1:7257"), Ok("http://127.0.0.1:7257".to_owned()));
-        assert_eq!(address("http://lab:7257"), Ok("http://lab:7257".to_owned()));
+        for right in ["http://lab:7257", "https://lab:7257"] {
+            assert_eq!(address(right), Ok(right.to_owned()));
+        }
+    }
+
+    #[test]
+    fn a_file_that_is_not_there_is_named_with_its_flag() {
+        let caller = CallerArgs { token_file: Some("/nowhere/token".into()), ..CallerArgs::default() };
+        let failure = caller.client("http://127.0.0.1:1").unwrap_err().to_string();
+        assert!(failure.contains("--token-file /nowhere/token"), "{failure}");
     }
 }

@@ -10,15 +10,17 @@ use std::time::Duration;
 
 use axum::extract::rejection::JsonRejection;
 use axum::extract::{Path, State};
+use axum::middleware::from_fn_with_state;
 use axum::response::{IntoResponse, Response};
 use axum::routing::{delete, get};
 use axum::{Json, Router};
 use clap::Parser;
-use http::StatusCode;
-use http::header::CONTENT_TYPE;
+use http::header::{AUTHORIZATION, CONTENT_TYPE};
+use http::{HeaderMap, StatusCode};
 use palpate_client::Client;
 use palpate_client::proto::v1::{MeshFormat, SetReferenceRequest};
 use palpate_core::geometry::TriangleMesh;
+use palpate_server::access::{Scope, require};
 use palpate_simulator::robot::{Attempt, Robot};
 use palpate_simulator::shapes;
 use serde::{Deserialize, Serialize};
@@ -102,6 +104,7 @@ pub(super) fn router(address: SocketAddr, most: usize, shutdown: CancellationTok
         .route("/v1/simulations", get(list).post(start))
         .route("/v1/simulations/{session_id}", delete(stop))
         .with_state(Arc::new(simulations))
+        .route_layer(from_fn_with_state(Scope::Robot, require))
 }
 
 fn host(address: SocketAddr) -> String {
@@ -122,13 +125,14 @@ async fn list(State(simulations): State<Arc<Simulations>>) -> Response {
 
 async fn start(
     State(simulations): State<Arc<Simulations>>,
+    headers: HeaderMap,
     body: Result<Json<Request>, JsonRejection>,
 ) -> Response {
     let Json(request) = match body {
         Ok(request) => request,
         Err(rejection) => return problem(rejection.status(), "BODY_INVALID", "", &rejection.body_text()),
     };
-    match begin(simulations, request).await {
+    match begin(simulations, request, token(&headers)).await {
         Ok(running) => {
             let place = format!("/v1/sessions/{}", running.session_id);
             (StatusCode::CREATED, [("location", place)], Json(running)).into_response()
@@ -137,7 +141,17 @@ async fn start(
     }
 }
 
-async fn begin(simulations: Arc<Simulations>, request: Request) -> Result<Running, Response> {
+/// The token that whoever starts a robot has shown; the robot calls with the same.
+fn token(headers: &HeaderMap) -> Option<String> {
+    let (_, token) = headers.get(AUTHORIZATION)?.to_str().ok()?.split_once(' ')?;
+    Some(token.trim().to_owned())
+}
+
+async fn begin(
+    simulations: Arc<Simulations>,
+    request: Request,
+    token: Option<String>,
+) -> Result<Running, Response> {
     let invalid =
         |field: &str, text: &str| problem(StatusCode::UNPROCESSABLE_ENTITY, "FIELD_INVALID", field, text);
     let body = shapes::generate(&request.object).map_err(|error| invalid("object", &error.to_string()))?;
@@ -164,7 +178,9 @@ async fn begin(simulations: Arc<Simulations>, request: Request) -> Result<Runnin
     session.seed = request.seed;
     session.attempts = request.attempts;
     let plan = plan(&request.object, &request.experiment, &session, &sensors);
-    let client = Client::connect(&simulations.url).await.map_err(|error| failed(&error))?;
+    let client = Client::builder(&simulations.url);
+    let client = if let Some(token) = token { client.token(&token) } else { client };
+    let client = client.connect().await.map_err(|error| failed(&error))?;
     let (begun, first) = tokio::sync::oneshot::channel();
     let stop = simulations.shutdown.child_token();
     let known = Arc::clone(&simulations);

@@ -16,11 +16,17 @@ struct Call {
     patience: Duration,
     /// What it takes of a thread.
     takes: Duration,
+    /// The token of its caller, and the part that it is due.
+    token: (usize, f64),
 }
 
 impl Call {
     fn of(session: usize) -> Self {
-        Self { session, queue: Queue::ROBOTS, patience: MINUTE, takes: 20 * MS }
+        Self { session, queue: Queue::ROBOTS, patience: MINUTE, takes: 20 * MS, token: (0, 1.0) }
+    }
+
+    fn account(&self) -> Account {
+        Account { token_id: self.token.0.to_string().into(), share: self.token.1 }
     }
 
     fn work(&self) -> Work {
@@ -115,8 +121,8 @@ impl World {
                 Event::Sent(call) => {
                     let session_id = call.session.to_string();
                     let deadline = when + call.patience;
-                    let wanted =
-                        Wanted { queue: call.queue, work: call.work(), session_id: &session_id, deadline };
+                    let (queue, work, account) = (call.queue, call.work(), &call.account());
+                    let wanted = Wanted { queue, work, session_id: &session_id, account, deadline };
                     match self.schedule.enter(when, wanted) {
                         Ok(turn) => self.waiting.push((call, when, turn)),
                         Err(error) => {
@@ -240,6 +246,57 @@ fn at_five_times_the_load_the_threads_do_little_that_comes_too_late() {
     }
 }
 
+/// What each token had of the threads, in seconds.
+fn had(answers: &[Answer], token: usize) -> f64 {
+    let its = answers.iter().filter(|answer| answer.call.token.0 == token && answer.error.is_none());
+    its.map(|answer| answer.call.takes.as_secs_f64()).sum()
+}
+
+#[test]
+fn a_token_with_many_robots_has_no_more_of_the_threads_than_one_with_few() {
+    for (share, times) in [(1.0, 1.0), (3.0, 3.0)] {
+        let mut world = World::new(2);
+        for robot in 0..60 {
+            world.send(Call { token: (1, 1.0), ..Call::of(robot) }, world.start);
+        }
+        for robot in 60..64 {
+            world.send(Call { token: (2, share), ..Call::of(robot) }, world.start);
+        }
+        let answers = world.run(MINUTE, |world, answer| Some((answer.call, world.now)));
+        assert!(answers.iter().all(Answer::is_good));
+        let ratio = had(&answers, 2) / had(&answers, 1);
+        assert!((ratio / times - 1.0).abs() < 0.1, "{ratio} instead of {times}");
+        assert!(world.used >= 2 * world.elapsed() - 40 * MS, "no thread is idle");
+    }
+}
+
+#[test]
+fn a_token_that_comes_late_makes_up_for_nothing_and_one_that_is_alone_has_all() {
+    let mut world = World::new(1);
+    for robot in 0..4 {
+        world.send(Call { token: (1, 1.0), ..Call::of(robot) }, world.start);
+    }
+    let late = world.start + 10_000 * MS;
+    for robot in 4..8 {
+        world.send(Call { token: (2, 1.0), ..Call::of(robot) }, late);
+    }
+    let answers = world.run(20_000 * MS, |world, answer| Some((answer.call, world.now)));
+    let (first, second) = (had(&answers, 1), had(&answers, 2));
+    assert!((14.5..15.5).contains(&first) && (4.5..5.5).contains(&second), "{first} and {second} s");
+}
+
+#[test]
+fn a_call_of_a_token_with_little_to_do_is_told_that_it_can_be_served_in_time() {
+    let mut world = World::new(1);
+    for robot in 0..60 {
+        world.send(Call { token: (1, 1.0), ..Call::of(robot) }, world.start);
+    }
+    // All of them take 1.2 s; whoever is of another token waits for one or two.
+    world.send(Call { token: (2, 1.0), patience: 150 * MS, ..Call::of(60) }, world.start + MS);
+    let answers = world.run(2000 * MS, |_, _| None);
+    assert!(of(&answers, 60).all(Answer::is_good), "{:?}", of(&answers, 60).collect::<Vec<_>>());
+}
+
 #[test]
 fn a_session_with_many_calls_does_not_delay_one_with_one() {
     let mut world = World::new(1);
@@ -312,8 +369,13 @@ fn a_call_whose_caller_has_gone_is_forgotten() {
         let ((when, _), event) = world.events.pop_first().unwrap();
         let Event::Sent(call) = event else { panic!() };
         let session_id = call.session.to_string();
-        let wanted =
-            Wanted { queue: call.queue, work: call.work(), session_id: &session_id, deadline: when + MINUTE };
+        let wanted = Wanted {
+            queue: call.queue,
+            work: call.work(),
+            session_id: &session_id,
+            account: &call.account(),
+            deadline: when + MINUTE,
+        };
         let turn = world.schedule.enter(when, wanted).unwrap();
         world.waiting.push((call, when, turn));
         world.hand_on();
