@@ -17,6 +17,7 @@ mod import;
 mod lease;
 mod made_mesh;
 mod mesh;
+mod operation;
 mod outbox;
 mod places;
 mod reading;
@@ -43,6 +44,7 @@ use uuid::Uuid;
 use crate::compute::Pool;
 use crate::error::Error;
 use crate::limits::{ERROR_TEXT_BYTES, Limits, SESSION_ID_BYTES};
+use crate::metrics::Metrics;
 use crate::session::Snapshot;
 use crate::sessions::{Aggregate, Computed, Decision, RequestKey, Sessions, StoredEvent};
 use crate::store::Store;
@@ -87,7 +89,7 @@ impl Api {
     /// The service over an open event log; `stopping` ends its streams and refuses changes.
     pub(crate) fn new(store: Store, limits: Limits, stopping: CancellationToken) -> Self {
         let cores = available_parallelism().map_or(1, usize::from);
-        let pool = Pool::new(cores, &limits);
+        let pool = Pool::new(cores, &limits, store.metrics.clone());
         let limits = Arc::new(limits);
         let sessions = Arc::new(Sessions::new(store, pool, event::FOLDING, limits.clone(), stopping.clone()));
         tokio::spawn(sessions.clone().prove_all());
@@ -143,6 +145,11 @@ impl Api {
         self.sessions.store.close().await;
     }
 
+    /// What this service counts.
+    pub(crate) fn metrics(&self) -> &Metrics {
+        &self.sessions.store.metrics
+    }
+
     /// The bounds that this service keeps.
     pub(crate) fn limits(&self) -> &Limits {
         &self.limits
@@ -165,6 +172,7 @@ impl Api {
             let answered = tokio::time::timeout_at(deadline, work(deadline)).await;
             let outcome = answered.unwrap_or(Err(Error::DeadlineExceeded));
             log(outcome.as_ref().err(), started);
+            self.metrics().call(method, outcome.as_ref().err(), started.elapsed());
             outcome
         }
         .instrument(span)

@@ -17,6 +17,7 @@ use tokio::time::Instant;
 
 use crate::error::Error;
 use crate::limits::Limits;
+use crate::metrics::Metrics;
 pub(crate) use invitations::Invitations;
 pub(crate) use measured::Measured;
 use schedule::{Next, Schedule, Started, Wanted};
@@ -85,6 +86,7 @@ impl Work {
 #[derive(Clone, Debug)]
 pub(crate) struct Pool {
     schedule: Arc<Mutex<Schedule<Result<Turn, Error>>>>,
+    metrics: Metrics,
 }
 
 /// The right to use a thread; the next in line has it when this is dropped.
@@ -97,8 +99,13 @@ struct Turn {
 
 impl Pool {
     /// A pool of `threads`, with queues as long as `limits` has them.
-    pub(crate) fn new(threads: usize, limits: &Limits) -> Self {
-        Self { schedule: Arc::new(Mutex::new(Schedule::new(threads, limits))) }
+    pub(crate) fn new(threads: usize, limits: &Limits, metrics: Metrics) -> Self {
+        Self { schedule: Arc::new(Mutex::new(Schedule::new(threads, limits))), metrics }
+    }
+
+    /// How many computations of this queue wait, and how many have a thread.
+    pub(crate) fn load(&self, queue: Queue) -> (usize, usize) {
+        self.lock().load(queue)
     }
 
     /// Runs `job`, which is about this session, to its end, even if the caller stops waiting for it.
@@ -113,11 +120,17 @@ impl Pool {
         deadline: Instant,
         job: impl FnOnce() -> T + Send + 'static,
     ) -> Result<T, Error> {
+        let asked = Instant::now();
         let turn = self.turn(Wanted { queue, work, session_id, deadline }).await?;
+        self.metrics.waited(queue, work, asked.elapsed());
+        let metrics = self.metrics.clone();
         let running = tokio::task::spawn_blocking(move || {
             // The thread is the job's as long as it runs, also when the caller stops waiting.
             let _turn = turn.begin();
-            job()
+            let begun = Instant::now();
+            let done = job();
+            metrics.computed(work, begun.elapsed());
+            done
         });
         running.await.map_err(|failure| Error::internal(format!("a computation failed: {failure}")))
     }

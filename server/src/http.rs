@@ -124,6 +124,7 @@ fn documented() -> OpenApiRouter<Api> {
         .routes(routes!(operations::healthz))
         .routes(routes!(operations::livez))
         .routes(routes!(operations::readyz))
+        .routes(routes!(operations::metrics))
         .routes(routes!(operations::version))
 }
 

@@ -14,6 +14,7 @@ mod grpc;
 mod http;
 mod limits;
 mod mesh_format;
+mod metrics;
 mod peer;
 mod serve;
 mod session;
@@ -25,4 +26,4 @@ mod wire;
 
 pub use limits::Limits;
 pub use serve::{ServeError, ServeOptions, parse_host, parse_origin, serve};
-pub use store::OpenError;
+pub use store::{BackupError, Copied, Older, OpenError, Progress, Proof, Restored, back_up, restore};

@@ -112,6 +112,9 @@ pub async fn serve(
     let router = grpc_routes.merge(web::router(api.clone(), bodies, additional_routes)).layer(pages);
 
     let connections = Arc::new(Connections::new(router, door, api.limits()));
+    // Each open connection holds them, and so does the loop that accepts.
+    let held = Arc::downgrade(&connections);
+    api.metrics().connections_are(move || held.strong_count().saturating_sub(1));
     tracing::info!(
         api = %format!("http://{address}"),
         dashboard = %format!("http://{address}/"),

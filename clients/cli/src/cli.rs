@@ -4,9 +4,10 @@
 
 use std::process::ExitCode;
 
-use clap::{CommandFactory, Parser};
+use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser};
 
 use crate::commands::Command;
+use crate::config_file::{self, ConfigFile};
 use crate::failure::{Ended, Failure};
 use crate::log::{self, LogFormat};
 use crate::terminal::{self, warn};
@@ -43,14 +44,37 @@ struct Cli {
 
 /// Runs the program with the process's arguments.
 pub fn run() -> ExitCode {
-    let Cli { command, log, log_format } = Cli::parse();
+    let (program, matches) = match arguments() {
+        Ok(arguments) => arguments,
+        Err(failure) => return tell(&failure),
+    };
+    let Cli { command, log, log_format } =
+        Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     let result = log::start(log.as_deref().unwrap_or(command.default_log()), log_format)
         .and_then(|()| Ok(tokio::runtime::Builder::new_multi_thread().enable_all().build()?))
-        .and_then(|runtime| runtime.block_on(command.run(Cli::command())));
+        .and_then(|runtime| runtime.block_on(command.run(program, &matches)));
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => tell(&failure),
     }
+}
+
+/// The program and the arguments that it was called with, where a configuration file has a say, too.
+fn arguments() -> Result<(clap::Command, ArgMatches), Failure> {
+    let matches = Cli::command().get_matches();
+    let Some(path) = config_file::named_by(&matches) else { return Ok((Cli::command(), matches)) };
+    let file = ConfigFile::read(&path)?;
+    let program = file.into_defaults(Cli::command())?;
+    // The arguments alone are right, so what is refused now is the file's.
+    let matches = program.clone().try_get_matches().map_err(|refusal| file.blame(in_a_line(&refusal)))?;
+    Ok((program, matches))
+}
+
+/// What is wrong, without what usage there is.
+fn in_a_line(refusal: &clap::Error) -> String {
+    let text = refusal.to_string();
+    let line = text.lines().next().unwrap_or_default();
+    line.strip_prefix("error: ").unwrap_or(line).to_owned()
 }
 
 /// Tells people what happened, and programs by the exit code.

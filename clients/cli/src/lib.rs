@@ -5,8 +5,12 @@
 
 mod cli;
 mod commands;
+mod config_file;
 mod failure;
+mod limits;
 mod log;
+mod near;
+mod progress;
 mod terminal;
 mod version;
 mod writable;

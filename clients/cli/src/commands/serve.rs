@@ -10,9 +10,10 @@ use tokio::net::TcpListener;
 use tokio_util::sync::CancellationToken;
 
 use super::simulations;
+use crate::config_file::ConfigFile;
 use crate::failure::Failure;
-use crate::writable;
-use palpate_server::{ServeOptions, parse_host, parse_origin, serve};
+use crate::{limits, writable};
+use palpate_server::{Limits, ServeOptions, parse_host, parse_origin, serve};
 
 /// The exit code of a process that was interrupted: 128 and the number of SIGINT.
 const INTERRUPTED: i32 = 130;
@@ -30,10 +31,16 @@ Examples:
   palpate serve --simulated-robots 4
           with robots that can be started from the page, to look around
   palpate serve --allow-origin http://localhost:5173
-          for a web page that is developed on that port";
+          for a web page that is developed on that port
+  palpate serve --config palpate.toml
+          as a file says; palpate config --show begins one";
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
+    /// A file of settings, under the names of these flags with `_` for `-`; flags and environment win over it.
+    #[arg(long, env = "PALPATE_CONFIG", value_name = "FILE")]
+    pub(super) config: Option<PathBuf>,
+
     /// Address and port; port 0 takes a free one and the log says which.
     #[arg(long, env = "PALPATE_LISTEN", value_name = "ADDRESS:PORT", default_value = "127.0.0.1:7257")]
     #[arg(value_parser = resolve)]
@@ -63,6 +70,29 @@ pub(crate) struct Args {
     #[arg(long, env = "PALPATE_SIMULATED_ROBOTS", value_name = "N", default_value_t = 0)]
     #[arg(value_parser = clap::value_parser!(u8).range(0..=simulations::MOST))]
     simulated_robots: u8,
+
+    /// One of the bounds that keep the server well, such as `streams=512` or `drain=30s`; may be given several times.
+    /// `palpate config --show` lists them all.
+    #[arg(long = "limit", env = "PALPATE_LIMIT", value_name = "NAME=VALUE", value_delimiter = ',')]
+    #[arg(value_parser = limits::pair)]
+    pub(super) limits: Vec<(String, String)>,
+}
+
+impl Args {
+    /// The bounds in force: the defaults, what the file says over them, and what the flags say over that.
+    ///
+    /// # Errors
+    /// The file sets one that there is not, or a server cannot run within them.
+    pub(super) fn limits(&self) -> Result<Limits, Failure> {
+        let mut in_force = Limits::default();
+        if let Some(path) = &self.config {
+            let file = ConfigFile::read(path)?;
+            in_force = limits::with(&in_force, file.limits.iter()).map_err(|refusal| file.blame(refusal))?;
+        }
+        let in_force = limits::with(&in_force, self.limits.iter())?;
+        in_force.check().map_err(|refusal| format!("limits: {refusal}"))?;
+        Ok(in_force)
+    }
 }
 
 /// An address, or the first address of a name such as `localhost`.
@@ -73,7 +103,8 @@ fn resolve(text: &str) -> Result<SocketAddr, String> {
 
 /// Serves until a signal says stop.
 pub(crate) async fn run(args: Args) -> Result<(), Failure> {
-    let Args { listen, database, insecure_open, allowed_origins, allowed_hosts, simulated_robots } = args;
+    let limits = args.limits()?;
+    let Args { listen, database, insecure_open, allowed_origins, allowed_hosts, simulated_robots, .. } = args;
     refuse_open_network(listen, insecure_open)?;
     writable::check("--database", &database)?;
     let listener = TcpListener::bind(listen).await.map_err(|error| explain_bind(listen, &error))?;
@@ -86,6 +117,7 @@ pub(crate) async fn run(args: Args) -> Result<(), Failure> {
         simulations::router(listener.local_addr()?, simulated_robots.into(), shutdown.clone());
     let options = ServeOptions {
         database,
+        limits,
         allowed_origins,
         allowed_hosts,
         additional_routes,
