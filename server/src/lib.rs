@@ -26,4 +26,7 @@ mod wire;
 
 pub use limits::Limits;
 pub use serve::{ServeError, ServeOptions, parse_host, parse_origin, serve};
-pub use store::{BackupError, Copied, Older, OpenError, Progress, Proof, Restored, back_up, restore};
+pub use store::{
+    BackupError, Copied, DATABASE_FILES, Inspection, Older, OpenError, Progress, Proof, Restored, Witnessed,
+    back_up, inspect, restore,
+};

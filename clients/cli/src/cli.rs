@@ -85,14 +85,14 @@ fn tell(failure: &Failure) -> ExitCode {
         return ExitCode::from(2);
     }
     let ended = failure.downcast_ref::<Ended>();
-    if ended != Some(&Ended::Unread) {
+    if !matches!(ended, Some(Ended::Unread | Ended::Told)) {
         warn(failure);
     }
     // As a shell counts them: 128 and the number of the signal, SIGPIPE or SIGINT.
     match ended {
         Some(Ended::Unread) => ExitCode::from(141),
         Some(Ended::Interrupted(_)) => ExitCode::from(130),
-        None => ExitCode::FAILURE,
+        Some(Ended::Told) | None => ExitCode::FAILURE,
     }
 }
 

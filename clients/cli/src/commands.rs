@@ -5,12 +5,14 @@ mod bench;
 mod completions;
 mod config;
 mod demo;
+mod doctor;
 mod evaluate;
 mod explore;
 mod export;
 mod fork;
 mod import;
 mod list;
+mod log_level;
 mod manual;
 mod replay;
 mod restore;
@@ -55,6 +57,12 @@ pub(crate) enum Command {
     /// Bring a session from a bundle onto a running server.
     #[command(long_about = import::ABOUT)]
     Import(import::Args),
+    /// Say whether a database, the machine and a server are well.
+    #[command(long_about = doctor::ABOUT)]
+    Doctor(doctor::Args),
+    /// Show or change what a running server logs.
+    #[command(long_about = log_level::ABOUT)]
+    LogLevel(log_level::Args),
     /// Copy the database into one file, while a server runs or not.
     #[command(long_about = backup::ABOUT)]
     Backup(backup::Args),
@@ -86,6 +94,8 @@ impl Command {
             Self::Replay(args) => replay::run(args).await,
             Self::Export(args) => export::run(args).await,
             Self::Import(args) => import::run(args).await,
+            Self::Doctor(args) => doctor::run(args).await,
+            Self::LogLevel(args) => log_level::run(args).await,
             Self::Backup(args) => backup::run(args).await,
             Self::Restore(args) => restore::run(args).await,
             Self::Config(args) => config::run(&args, &program, matches),
@@ -107,6 +117,8 @@ impl Command {
             | Self::Replay(_)
             | Self::Export(_)
             | Self::Import(_)
+            | Self::Doctor(_)
+            | Self::LogLevel(_)
             | Self::Backup(_)
             | Self::Restore(_)
             | Self::Config(_)

@@ -15,7 +15,7 @@ use crate::failure::Failure;
 use crate::near::nearest;
 
 /// The commands that read the file.
-const READERS: [&str; 2] = ["serve", "config"];
+const READERS: [&str; 3] = ["serve", "config", "doctor"];
 /// Arguments that are no settings: what finds the file, what has a table of its own, and what all programs have.
 const NO_SETTINGS: [&str; 6] = ["config", "limits", "show", "help", "version", "command"];
 

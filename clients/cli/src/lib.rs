@@ -10,6 +10,7 @@ mod failure;
 mod limits;
 mod log;
 mod near;
+mod probe;
 mod progress;
 mod terminal;
 mod version;

@@ -9,7 +9,7 @@ use http::HeaderValue;
 use tokio::net::TcpListener;
 use tokio_util::sync::CancellationToken;
 
-use super::simulations;
+use super::{log_level, simulations};
 use crate::config_file::ConfigFile;
 use crate::failure::Failure;
 use crate::{limits, writable};
@@ -44,11 +44,11 @@ pub(crate) struct Args {
     /// Address and port; port 0 takes a free one and the log says which.
     #[arg(long, env = "PALPATE_LISTEN", value_name = "ADDRESS:PORT", default_value = "127.0.0.1:7257")]
     #[arg(value_parser = resolve)]
-    listen: SocketAddr,
+    pub(super) listen: SocketAddr,
 
     /// The SQLite file that holds all sessions; made where it does not exist.
     #[arg(long, env = "PALPATE_DATABASE", value_name = "FILE", default_value = "palpate.db")]
-    database: PathBuf,
+    pub(super) database: PathBuf,
 
     /// Serve other machines too, although anyone who reaches the port can then read and change every session.
     #[arg(long)]
@@ -114,7 +114,8 @@ pub(crate) async fn run(args: Args) -> Result<(), Failure> {
     let shutdown = CancellationToken::new();
     tokio::spawn(cancel_on_signal(shutdown.clone()));
     let additional_routes =
-        simulations::router(listener.local_addr()?, simulated_robots.into(), shutdown.clone());
+        simulations::router(listener.local_addr()?, simulated_robots.into(), shutdown.clone())
+            .merge(log_level::router());
     let options = ServeOptions {
         database,
         limits,
