@@ -64,7 +64,7 @@ fn arguments() -> Result<(clap::Command, ArgMatches), Failure> {
     let matches = Cli::command().get_matches();
     let Some(path) = config_file::named_by(&matches) else { return Ok((Cli::command(), matches)) };
     let file = ConfigFile::read(&path)?;
-    let program = file.into_defaults(Cli::command())?;
+    let program = file.as_defaults_of(Cli::command())?;
     // The arguments alone are right, so what is refused now is the file's.
     let matches = program.clone().try_get_matches().map_err(|refusal| file.blame(in_a_line(&refusal)))?;
     Ok((program, matches))

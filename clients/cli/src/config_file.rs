@@ -64,7 +64,7 @@ impl ConfigFile {
     ///
     /// # Errors
     /// There is no such setting.
-    pub(crate) fn into_defaults(&self, mut program: Command) -> Result<Command, Failure> {
+    pub(crate) fn as_defaults_of(&self, mut program: Command) -> Result<Command, Failure> {
         for (name, texts) in &self.settings {
             let is_it = |arg: &&Arg| setting_name(arg).as_deref() == Some(name);
             let of_all = program.get_arguments().find(is_it).map(|arg| arg.get_id().clone());

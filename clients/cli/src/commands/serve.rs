@@ -116,14 +116,7 @@ pub(crate) async fn run(args: Args) -> Result<(), Failure> {
     let additional_routes =
         simulations::router(listener.local_addr()?, simulated_robots.into(), shutdown.clone())
             .merge(log_level::router());
-    let options = ServeOptions {
-        database,
-        limits,
-        allowed_origins,
-        allowed_hosts,
-        additional_routes,
-        ..ServeOptions::default()
-    };
+    let options = ServeOptions { database, limits, allowed_origins, allowed_hosts, additional_routes };
     // It says itself where it listens, once the database is open.
     serve(listener, options, shutdown).await?;
     tracing::info!("stopped");

@@ -25,12 +25,10 @@ pub(super) fn report(path: &Path, found: &Inspection, findings: &mut Findings) {
         format!("{}, {}, SQLite {}; {held}", path.display(), ByteSize::b(size), found.sqlite),
     );
     migrations(found, findings);
-    match &found.damage {
-        Some(damage) => findings.problem("pages", damage.clone(), RESTORE),
-        None if found.proof.is_some() => {
-            findings.ok("pages", "pages, indices and tables are as they should be")
-        }
-        None => {}
+    if let Some(damage) = &found.damage {
+        findings.problem("pages", damage.clone(), RESTORE);
+    } else if found.proof.is_some() {
+        findings.ok("pages", "pages, indices and tables are as they should be");
     }
     if let Some(proof) = &found.proof {
         chain(proof, findings);
