@@ -223,7 +223,7 @@ mod tests {
             "palpate_contacts_total{outcome=\"no_contact\"} 1",
             "palpate_calls_total{method=\"GetSession\",outcome=\"OK\"} 1",
             "palpate_calls_total{method=\"GetSession\",outcome=\"DRAINING\"} 1",
-            "palpate_queue_wait_seconds_bucket{le=\"0.05\",queue=\"robots\",work=\"contact\"} 1",
+            "palpate_queue_wait_seconds_bucket{queue=\"robots\",work=\"contact\",le=\"0.05\"} 1",
             "palpate_commit_seconds_count 1",
             "palpate_committed_changes_total 3",
             "palpate_connections 7",

@@ -79,6 +79,10 @@ fn holder(port: u16) -> Option<String> {
     })?;
     let socket = format!("socket:[{inode}]");
     for process in std::fs::read_dir("/proc").ok()?.flatten() {
+        // There are others than processes, such as `self`.
+        if process.file_name().to_string_lossy().parse::<u32>().is_err() {
+            continue;
+        }
         let Ok(files) = std::fs::read_dir(process.path().join("fd")) else { continue };
         let has_it = |file: std::fs::DirEntry| {
             std::fs::read_link(file.path()).is_ok_and(|target| target.as_os_str() == socket.as_str())
