@@ -75,8 +75,8 @@ if given.picture:
 
     for panel, lines in shown:
         grid, unit = panel["gridPos"], panel["fieldConfig"]["defaults"]["unit"]
-        place = [(grid["x"] + 1.1) / 25, 1 - (grid["y"] + grid["h"] - 1.1) / height]
-        axes = figure.add_axes([*place, (grid["w"] - 1.6) / 25, (grid["h"] - 2.1) / height])
+        place = [(grid["x"] + 1.1) / 25, 1 - (grid["y"] + grid["h"] - 1.4) / height]
+        axes = figure.add_axes([*place, (grid["w"] - 1.6) / 25, (grid["h"] - 2.4) / height])
         axes.set_title(panel["title"], loc="left", fontsize=9, fontweight="bold")
         if panel["type"] == "stat":
             axes.axis("off")
@@ -88,10 +88,11 @@ if given.picture:
         axes.set_ylim(bottom=0)
         axes.yaxis.set_major_formatter(lambda value, _, unit=unit: in_words(value, unit))
         axes.set_ylabel({"s": "s", "ops": "a second"}.get(unit, ""))
+        axes.set_xlabel("s")
         axes.grid(alpha=0.3)
         axes.spines[["top", "right"]].set_visible(False)
         if lines:
-            axes.legend(loc="upper left", frameon=False, ncols=2)
+            axes.legend(loc="lower right", bbox_to_anchor=(1.02, 0.98), frameon=False, ncols=5, fontsize=7)
         else:
             axes.text(0.5, 0.5, "none", transform=axes.transAxes, ha="center", color="#888888")
     figure.savefig(given.picture)

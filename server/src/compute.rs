@@ -14,6 +14,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use tokio::time::Instant;
+use tracing::Instrument;
 
 use crate::error::Error;
 use crate::limits::Limits;
@@ -121,14 +122,15 @@ impl Pool {
         job: impl FnOnce() -> T + Send + 'static,
     ) -> Result<T, Error> {
         let asked = Instant::now();
-        let turn = self.turn(Wanted { queue, work, session_id, deadline }).await?;
+        let wait = self.turn(Wanted { queue, work, session_id, deadline });
+        let turn = wait.instrument(tracing::debug_span!("wait", ?work)).await?;
         self.metrics.waited(queue, work, asked.elapsed());
-        let metrics = self.metrics.clone();
+        let (metrics, span) = (self.metrics.clone(), tracing::debug_span!("compute", ?work));
         let running = tokio::task::spawn_blocking(move || {
             // The thread is the job's as long as it runs, also when the caller stops waiting.
             let _turn = turn.begin();
             let begun = Instant::now();
-            let done = job();
+            let done = span.in_scope(job);
             metrics.computed(work, begun.elapsed());
             done
         });

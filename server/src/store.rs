@@ -33,6 +33,7 @@ use std::sync::Arc;
 use sqlx::SqlitePool;
 use tokio::sync::{mpsc, oneshot};
 use tokio_util::sync::CancellationToken;
+use tracing::Instrument;
 
 use crate::limits::Limits;
 use crate::metrics::Metrics;
@@ -236,7 +237,8 @@ impl Store {
     }
 
     async fn write(&self, change: Change) -> Result<(), StoreError> {
-        self.enqueue(change)?.await.map_err(|_| StoreError::Down("the writer has stopped".into()))?
+        let committed = self.enqueue(change)?.instrument(tracing::debug_span!("commit"));
+        committed.await.map_err(|_| StoreError::Down("the writer has stopped".into()))?
     }
 
     fn enqueue(&self, change: Change) -> Result<oneshot::Receiver<Result<(), StoreError>>, StoreError> {

@@ -50,9 +50,16 @@ pub fn run() -> ExitCode {
     };
     let Cli { command, log, log_format } =
         Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
-    let result = log::start(log.as_deref().unwrap_or(command.default_log()), log_format)
-        .and_then(|()| Ok(tokio::runtime::Builder::new_multi_thread().enable_all().build()?))
-        .and_then(|runtime| runtime.block_on(command.run(program, &matches)));
+    let filter = log.unwrap_or_else(|| command.default_log().to_owned());
+    let result = tokio::runtime::Builder::new_multi_thread().enable_all().build();
+    let result = result.map_err(Failure::from).and_then(|runtime| {
+        let _on_runtime = runtime.enter();
+        log::start(&filter, log_format)?;
+        let done = runtime.block_on(command.run(program, &matches));
+        #[cfg(feature = "otel")]
+        crate::traces::finish();
+        done
+    });
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => tell(&failure),

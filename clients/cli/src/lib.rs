@@ -13,6 +13,8 @@ mod near;
 mod probe;
 mod progress;
 mod terminal;
+#[cfg(feature = "otel")]
+mod traces;
 mod version;
 mod writable;
 

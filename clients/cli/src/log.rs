@@ -111,7 +111,7 @@ impl Level {
     }
 }
 
-/// Starts the log for the whole process.
+/// Starts the log for the whole process, on the runtime.
 ///
 /// # Errors
 /// The filter is none, or there is a log already.
@@ -124,7 +124,11 @@ pub(crate) fn start(text: &str, format: LogFormat) -> Result<(), Failure> {
         LogFormat::Text => log.with_target(false).with_ansi(coloured).boxed(),
         LogFormat::Json => log.json().flatten_event(true).with_span_list(false).boxed(),
     };
-    tracing_subscriber::registry().with(filter).with(log).try_init()?;
+    // What is logged says nothing of what is traced.
+    let log = tracing_subscriber::registry().with(log.with_filter(filter));
+    #[cfg(feature = "otel")]
+    let log = log.with(crate::traces::layer()?);
+    log.try_init()?;
     let now = Mutex::new(Setting { filter: text.to_owned(), until: None, number: 0 });
     // Nobody else starts one: that would have failed above.
     let _ = LEVEL.set(Level { handle, now });
