@@ -27,6 +27,6 @@ mod wire;
 pub use limits::Limits;
 pub use serve::{ServeError, ServeOptions, parse_host, parse_origin, serve};
 pub use store::{
-    BackupError, Copied, DATABASE_FILES, Inspection, Older, OpenError, Progress, Proof, Restored, Witnessed,
-    back_up, inspect, restore,
+    BackupError, Copied, Inspection, Older, OpenError, Progress, Proof, Restored, Witnessed, back_up,
+    inspect, restore,
 };

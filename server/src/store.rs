@@ -43,7 +43,7 @@ use change::Change;
 pub(crate) use change::{Damage, Deletion, Import, NewSession, SessionHead};
 pub(crate) use checkpoints::{Checkpoint, Checkpoints, Kept};
 pub(crate) use event::Event;
-pub use inspection::{DATABASE_FILES, Inspection, Witnessed, inspect};
+pub use inspection::{Inspection, Witnessed, inspect};
 pub(crate) use link::{Link, first as first_link};
 pub use open::OpenError;
 use open::Opened;

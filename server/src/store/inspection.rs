@@ -13,7 +13,7 @@ use super::witness::{self, Testimony};
 use super::{checks, files};
 
 /// The endings of the files that belong to a database, its own among them.
-pub const DATABASE_FILES: [&str; 5] = ["", "-wal", "-shm", "-witness", "-checkpoints"];
+pub(super) const DATABASE_FILES: [&str; 5] = ["", "-wal", "-shm", witness::ENDING, "-checkpoints"];
 
 /// What was found out about a database.
 #[derive(Clone, Debug, Default)]

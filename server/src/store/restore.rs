@@ -13,14 +13,13 @@ use sqlx::migrate::MigrateError;
 use sqlx::{Connection, SqliteConnection};
 
 use super::backup::{BackupError, Hear, Partial, Progress, check_open, sync_folder};
+use super::inspection::DATABASE_FILES;
 use super::open::{self, OpenError};
 use super::proof::Proof;
-use super::witness::{Testimony, Witness};
+use super::witness::{self, Testimony, Witness};
 use super::{files, linking};
 use crate::session::now_us;
 
-/// What belongs to a database beside its own file.
-const BESIDE: [&str; 4] = ["-wal", "-shm", "-checkpoints", "-witness"];
 /// Bytes that are copied between two looks at the progress.
 const COPIED_AT_ONCE: u64 = 8 << 20;
 
@@ -150,26 +149,27 @@ async fn compared(restored: &[(String, i64, i64)], database: &Path) -> Older {
     older
 }
 
-/// Moves the log and what belongs to it aside, and says where it is; the witness is copied, since it is held.
+/// Keeps the log and what belongs to it under another name, and says which.
+///
+/// The database itself stays until the copy takes its place, so that at no moment a start would find none and begin
+/// anew; its log of changes goes first, as it fits no other database. The witness is held, and is copied.
 fn set_aside(database: &Path) -> Result<Option<PathBuf>, BackupError> {
     let aside = files::beside(database, &format!(".before-{}", now_us() / 1_000_000));
     let is_there = database.exists();
-    for ending in BESIDE {
+    for ending in DATABASE_FILES {
         let (here, there) = (files::beside(database, ending), files::beside(&aside, ending));
-        let moved = match ending {
-            "-witness" if is_there => fs::copy(&here, there).map(drop),
-            "-witness" => Ok(()),
-            _ => fs::rename(&here, there),
+        let kept = match ending {
+            "" => fs::hard_link(&here, &there).or_else(|_| fs::copy(&here, &there).map(drop)),
+            witness::ENDING if is_there => fs::copy(&here, &there).map(drop),
+            witness::ENDING => Ok(()),
+            _ => fs::rename(&here, &there),
         };
-        match moved {
+        match kept {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
                 return Err(BackupError::file(&here)(error));
             }
             _ => {}
         }
-    }
-    if is_there {
-        fs::rename(database, &aside).map_err(BackupError::file(database))?;
     }
     sync_folder(database).map_err(BackupError::file(database))?;
     Ok(is_there.then_some(aside))
