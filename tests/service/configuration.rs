@@ -2,7 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use crate::harness::{Process, accepted, run, run_with};
+use palpate_proto::v1;
+
+use crate::harness::{Process, Transport, accepted, run, run_with};
 
 /// What `config --show` printed, without the comments.
 fn settings(shown: &str) -> BTreeMap<&str, &str> {
@@ -108,4 +110,22 @@ async fn what_a_file_cannot_say_is_refused_with_the_name_that_was_meant() {
     let missing = run(folder.path(), &["serve", "--config", "nothing.toml"]).await;
     assert!(missing.err.contains("nothing.toml: No such file"), "{}", missing.err);
     assert!(!folder.path().join("palpate.db").exists(), "nothing was begun");
+}
+
+#[tokio::test]
+async fn a_server_works_without_what_limits_of_0_turn_off() {
+    let folder = tempfile::tempdir().unwrap();
+    let off = "explained_vertices=0,keep_out=0,labels=0,leased_places=0,shadow=0";
+    let database = folder.path().join("palpate.db");
+    let server = Process::serve_with(&database, |command| {
+        command.env("PALPATE_LIMIT", format!("checkpoint_bytes=0,mesh_bytes=0,past_states=0,{off}"));
+    });
+    let server = server.await;
+    let caller = server.caller(Transport::Grpc);
+    let next = caller.begin("mug").await;
+    caller.go_on("mug", next, 2).await;
+    for revision in [2, 4, 3] {
+        let request = v1::GetMeshRequest { session_id: "mug".into(), revision, ..Default::default() };
+        assert_eq!(caller.mesh(request).await.unwrap().revision, revision);
+    }
 }

@@ -39,12 +39,16 @@ async fn a_server_and_its_database_are_well_while_it_runs_and_when_it_does_not()
         ("server", "answers at http://127.0.0.1:"),
         ("ready", "the server takes work"),
         ("limits", "all are the defaults"),
+        ("in force", "limits that the settings here say"),
         ("program", "palpate 0."),
     ] {
         let (level, text) = one(&doctor, check);
         assert!(level == "ok" && text.contains(said), "{check}: {level} {text}");
     }
     assert_eq!(found(&doctor, "clock").len(), 2, "that of the log and that of the server");
+    let other = run(folder.path(), &["doctor", "--json", "--server", &url, "--limit", "streams=3"]).await;
+    let (level, text) = one(&other, "in force");
+    assert!(level == "warning" && text.ends_with("than the settings here: streams 256"), "{text}");
     server.terminate().await;
 
     let before: Vec<_> =

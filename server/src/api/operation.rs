@@ -1,10 +1,7 @@
 //! What an operator reads: the metrics, with how things are at this moment.
 
-use serde_json::Value;
-
 use super::Api;
 use crate::compute::Queue;
-use crate::limits::Limits;
 use crate::metrics::Moment;
 
 impl Api {
@@ -30,23 +27,8 @@ impl Api {
             wal_bytes,
             checkpoint_bytes,
             disk_free_bytes,
-            limits: numbers(&self.limits),
+            limits: self.limits.numbers(),
         };
         self.metrics().scraped(&moment)
     }
-}
-
-/// The limits that are numbers, and those that are times in seconds.
-fn numbers(limits: &Limits) -> Vec<(&'static str, f64)> {
-    let values = serde_json::to_value(limits).unwrap_or_default();
-    let number = |name: &'static str| {
-        let seconds = |part: &str| values[name][part].as_f64();
-        let number = match &values[name] {
-            Value::Number(number) => number.as_f64()?,
-            Value::Object(_) => seconds("secs")? + seconds("nanos")? * 1e-9,
-            _ => return None,
-        };
-        Some((name, number))
-    };
-    Limits::MEANINGS.iter().filter_map(|(name, _)| number(name)).collect()
 }

@@ -66,7 +66,7 @@ pub(crate) async fn run(args: Args) -> Result<(), Failure> {
     host::open_files(&limits, &mut findings);
     port::report(args.serve.listen, is_held, &mut findings).await;
     if let Some(url) = &args.server {
-        server::report(url, &mut findings).await;
+        server::report(url, &limits, &mut findings).await;
     }
     print(&findings, args.json)
 }

@@ -2,6 +2,7 @@
 
 use std::time::{Duration, SystemTime};
 
+use palpate_server::Limits;
 use serde_json::Value;
 
 use super::finding::Findings;
@@ -34,8 +35,8 @@ pub(super) async fn ask(url: &str, path: &str) -> Result<Answer, Failure> {
     Ok(Answer { text, json, is_success, date })
 }
 
-/// What the server at this address says of itself.
-pub(super) async fn report(url: &str, findings: &mut Findings) {
+/// What the server at this address says of itself, and in what its limits are other than these.
+pub(super) async fn report(url: &str, limits: &Limits, findings: &mut Findings) {
     let version = match ask(url, "/version").await {
         Ok(answer) => answer,
         Err(error) => {
@@ -62,6 +63,7 @@ pub(super) async fn report(url: &str, findings: &mut Findings) {
         }
     }
     readiness(url, findings).await;
+    compare_limits(url, limits, findings).await;
     if let Some(theirs) = version.date {
         let skew = SystemTime::now().duration_since(theirs).unwrap_or_else(|error| error.duration());
         let text = format!("the server's clock differs from this machine's by {} s", skew.as_secs());
@@ -71,6 +73,37 @@ pub(super) async fn report(url: &str, findings: &mut Findings) {
             findings.ok("clock", text);
         }
     }
+}
+
+/// Whether the server has the limits that the settings here say, by its metrics.
+async fn compare_limits(url: &str, limits: &Limits, findings: &mut Findings) {
+    let Ok(metrics) = ask(url, "/metrics").await else { return };
+    let numbers = limits.numbers();
+    let ours = |name: &str| numbers.iter().find(|(known, _)| *known == name).map(|(_, number)| *number);
+    let theirs: Vec<(&str, f64)> = metrics.text.lines().filter_map(limit).collect();
+    let differ = theirs.iter().filter(|(name, number)| ours(name) != Some(*number));
+    let named: Vec<String> = differ.map(|(name, number)| format!("{name} {number}")).collect();
+    // Whoever may not read the metrics is told nothing of limits.
+    if theirs.is_empty() {
+        return;
+    }
+    if named.is_empty() {
+        findings
+            .ok("in force", format!("the server has the {} limits that the settings here say", theirs.len()));
+    } else {
+        let text = format!("the server has other limits than the settings here: {}", named.join(", "));
+        findings.warn(
+            "in force",
+            text,
+            "name the server's own file with --config, or restart it with this one",
+        );
+    }
+}
+
+/// The name and the number of a limit in a line of the metrics.
+fn limit(line: &str) -> Option<(&str, f64)> {
+    let (name, number) = line.strip_prefix("palpate_limit{name=\"")?.split_once("\"} ")?;
+    Some((name, number.parse().ok()?))
 }
 
 async fn readiness(url: &str, findings: &mut Findings) {
