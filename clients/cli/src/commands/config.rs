@@ -25,7 +25,7 @@ pub(crate) struct Args {
     #[arg(long, required = true)]
     show: bool,
 
-    #[command(flatten)]
+    #[command(flatten, next_help_heading = "Settings of `serve`")]
     serve: serve::Args,
 }
 

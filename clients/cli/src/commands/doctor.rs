@@ -36,7 +36,7 @@ pub(crate) struct Args {
     #[arg(long)]
     json: bool,
 
-    #[command(flatten)]
+    #[command(flatten, next_help_heading = "Settings of `serve`")]
     serve: serve::Args,
 }
 
