@@ -17,6 +17,7 @@ mod import;
 mod lease;
 mod made_mesh;
 mod mesh;
+mod operation;
 mod outbox;
 mod places;
 mod reading;
@@ -44,6 +45,7 @@ use crate::access::{self, Caller};
 use crate::compute::{Pool, on_account};
 use crate::error::Error;
 use crate::limits::{ERROR_TEXT_BYTES, Limits, SESSION_ID_BYTES};
+use crate::metrics::Metrics;
 use crate::session::Snapshot;
 use crate::sessions::{Aggregate, Computed, Decision, RequestKey, Sessions, StoredEvent};
 use crate::store::Store;
@@ -88,7 +90,7 @@ impl Api {
     /// The service over an open event log; `stopping` ends its streams and refuses changes.
     pub(crate) fn new(store: Store, limits: Limits, stopping: CancellationToken) -> Self {
         let cores = available_parallelism().map_or(1, usize::from);
-        let pool = Pool::new(cores, &limits);
+        let pool = Pool::new(cores, &limits, store.metrics.clone());
         let limits = Arc::new(limits);
         let sessions = Arc::new(Sessions::new(store, pool, event::FOLDING, limits.clone(), stopping.clone()));
         tokio::spawn(sessions.clone().prove_all());
@@ -151,6 +153,11 @@ impl Api {
         self.sessions.store.close().await;
     }
 
+    /// What this service counts.
+    pub(crate) fn metrics(&self) -> &Metrics {
+        &self.sessions.store.metrics
+    }
+
     /// The bounds that this service keeps.
     pub(crate) fn limits(&self) -> &Limits {
         &self.limits
@@ -180,6 +187,7 @@ impl Api {
                 Err(refusal) => Err(refusal),
             };
             log(outcome.as_ref().err(), started);
+            self.metrics().call(method, outcome.as_ref().err(), started.elapsed());
             outcome
         }
         .instrument(span)

@@ -14,10 +14,12 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use tokio::time::Instant;
+use tracing::Instrument;
 
 use crate::access::Account;
 use crate::error::Error;
 use crate::limits::Limits;
+use crate::metrics::Metrics;
 pub(crate) use invitations::Invitations;
 pub(crate) use measured::Measured;
 use schedule::{Next, Schedule, Started, Wanted};
@@ -101,6 +103,7 @@ impl Work {
 #[derive(Clone, Debug)]
 pub(crate) struct Pool {
     schedule: Arc<Mutex<Schedule<Result<Turn, Error>>>>,
+    metrics: Metrics,
 }
 
 /// The right to use a thread; the next in line has it when this is dropped.
@@ -113,8 +116,13 @@ struct Turn {
 
 impl Pool {
     /// A pool of `threads`, with queues as long as `limits` has them.
-    pub(crate) fn new(threads: usize, limits: &Limits) -> Self {
-        Self { schedule: Arc::new(Mutex::new(Schedule::new(threads, limits))) }
+    pub(crate) fn new(threads: usize, limits: &Limits, metrics: Metrics) -> Self {
+        Self { schedule: Arc::new(Mutex::new(Schedule::new(threads, limits))), metrics }
+    }
+
+    /// How many computations of this queue wait, and how many have a thread.
+    pub(crate) fn load(&self, queue: Queue) -> (usize, usize) {
+        self.lock().load(queue)
     }
 
     /// Runs `job`, which is about this session, to its end, even if the caller stops waiting for it.
@@ -130,11 +138,18 @@ impl Pool {
         job: impl FnOnce() -> T + Send + 'static,
     ) -> Result<T, Error> {
         let account = &account();
-        let turn = self.turn(Wanted { queue, work, session_id, account, deadline }).await?;
+        let asked = Instant::now();
+        let wait = self.turn(Wanted { queue, work, session_id, account, deadline });
+        let turn = wait.instrument(tracing::debug_span!("wait", ?work)).await?;
+        self.metrics.waited(queue, work, asked.elapsed());
+        let (metrics, span) = (self.metrics.clone(), tracing::debug_span!("compute", ?work));
         let running = tokio::task::spawn_blocking(move || {
             // The thread is the job's as long as it runs, also when the caller stops waiting.
             let _turn = turn.begin();
-            job()
+            let begun = Instant::now();
+            let done = span.in_scope(job);
+            metrics.computed(work, begun.elapsed());
+            done
         });
         running.await.map_err(|failure| Error::internal(format!("a computation failed: {failure}")))
     }

@@ -136,6 +136,7 @@ fn documented() -> OpenApiRouter<Api> {
         .routes(routes!(series::get))
         .routes(routes!(experiments::list))
         .routes(routes!(experiments::summary))
+        .routes(routes!(operations::metrics))
         .routes(routes!(operations::version))
 }
 

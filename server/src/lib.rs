@@ -15,6 +15,7 @@ mod grpc;
 mod http;
 mod limits;
 mod mesh_format;
+mod metrics;
 mod peer;
 mod serve;
 mod session;
@@ -26,4 +27,7 @@ mod wire;
 
 pub use limits::Limits;
 pub use serve::{ServeError, ServeOptions, TlsError, TlsFiles, parse_host, parse_origin, serve};
-pub use store::OpenError;
+pub use store::{
+    BackupError, Copied, Inspection, Older, OpenError, Progress, Proof, Restored, Witnessed, back_up,
+    inspect, restore,
+};

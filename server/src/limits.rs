@@ -4,6 +4,9 @@
 
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
 /// Visual points of one session: more are thinned to it. A constant, because replaying a log thins by it too.
 pub(crate) const VISUAL_POINTS: usize = 2000;
 
@@ -49,8 +52,44 @@ pub(crate) const INLINE_JSON_BYTES: usize = 64 << 10;
 /// where a cloud is sent, not where a log is replayed.
 pub(crate) const SMALLEST_CLOUD_M: f64 = 1e-5;
 
+/// The largest number that a limit may be, 1 EiB: what waits is counted in somewhat less than 64 bits.
+const MOST: u64 = 1 << 60;
+/// The longest time that a limit may be: clocks overflow far beyond.
+const LONGEST: Duration = Duration::from_secs(366 * 24 * 3600);
+/// The shortest time that a limit may be: clocks that tick more often do nothing else.
+const SHORTEST: Duration = Duration::from_millis(1);
+/// The limits that may be 0, which turns off what they bound.
+const MAY_BE_ZERO: [&str; 8] = [
+    "checkpoint_bytes",
+    "explained_vertices",
+    "keep_out",
+    "labels",
+    "leased_places",
+    "mesh_bytes",
+    "past_states",
+    "shadow",
+];
+
+/// Declares the struct as it is written, and beside it what is said of each field, for those who configure a server.
+macro_rules! with_meanings {
+    (
+        $(#[$attribute:meta])*
+        pub struct $name:ident { $($(#[doc = $line:literal])+ pub $field:ident: $type:ty,)+ }
+    ) => {
+        $(#[$attribute])*
+        pub struct $name { $($(#[doc = $line])+ pub $field: $type,)+ }
+
+        impl $name {
+            /// The name of each field, with what is said of it.
+            pub const MEANINGS: &[(&str, &str)] = &[$((stringify!($field), concat!($($line),+))),+];
+        }
+    };
+}
+
+with_meanings! {
 /// The bounds of one server; the defaults suit one machine and a few robots.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct Limits {
     /// Largest request message, in bytes.
     pub message_bytes: usize,
@@ -179,6 +218,56 @@ pub struct Limits {
     /// How long open connections may take to finish when the server stops.
     pub drain: Duration,
 }
+}
+
+impl Limits {
+    /// The limits that are numbers by their names, and those that are times in seconds.
+    pub fn numbers(&self) -> Vec<(&'static str, f64)> {
+        let values = serde_json::to_value(self).unwrap_or_default();
+        let number = |name: &'static str| match &values[name] {
+            Value::Number(number) => Some((name, number.as_f64()?)),
+            time @ Value::Object(_) => Some((name, Duration::deserialize(time).ok()?.as_secs_f64())),
+            _ => None,
+        };
+        Self::MEANINGS.iter().filter_map(|(name, _)| number(name)).collect()
+    }
+
+    /// Whether a server can run within these bounds.
+    ///
+    /// # Errors
+    /// Which of them it cannot keep, and why.
+    pub fn check(&self) -> Result<(), String> {
+        let values = serde_json::to_value(self).map_err(|error| error.to_string())?;
+        for (name, _) in Self::MEANINGS {
+            let (number, is_long) = match &values[*name] {
+                Value::Number(number) => (number.as_u64().unwrap_or(u64::MAX), false),
+                time @ Value::Object(_) => {
+                    let time = Duration::deserialize(time).map_err(|error| error.to_string())?;
+                    (u64::from(time >= SHORTEST), time > LONGEST)
+                }
+                _ => continue,
+            };
+            if number == 0 && !MAY_BE_ZERO.contains(name) {
+                return Err(format!(
+                    "{name} is 0, or shorter than 1 ms, with which nothing would work: choose more"
+                ));
+            }
+            if number > MOST || is_long {
+                return Err(format!("{name} is too large: at most 1 EiB, or 366 days"));
+            }
+        }
+        if self.heartbeat_min > self.heartbeat {
+            return Err("heartbeat_min is longer than heartbeat".to_owned());
+        }
+        if self.heartbeat > self.heartbeat_max {
+            return Err("heartbeat is longer than heartbeat_max".to_owned());
+        }
+        if self.page_size > self.page_size_max {
+            return Err("page_size is larger than page_size_max".to_owned());
+        }
+        Ok(())
+    }
+}
 
 impl Default for Limits {
     fn default() -> Self {
@@ -246,5 +335,40 @@ impl Default for Limits {
             recompute_timeout: Duration::from_secs(600),
             drain: Duration::from_secs(10),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_limit_says_what_it_is_and_a_server_runs_within_the_defaults() {
+        let values = serde_json::to_value(Limits::default()).unwrap();
+        assert_eq!(values.as_object().unwrap().len(), Limits::MEANINGS.len());
+        for (name, meaning) in Limits::MEANINGS {
+            assert!(values.get(*name).is_some() && meaning.trim().len() > 10, "{name}: {meaning}");
+        }
+        Limits::default().check().unwrap();
+    }
+
+    #[test]
+    fn limits_that_contradict_each_other_or_leave_no_room_are_refused() {
+        let s = Duration::from_secs;
+        for (limits, named) in [
+            (Limits { write_queue: 0, ..Limits::default() }, "write_queue is 0"),
+            (
+                Limits { session_idle: Duration::from_nanos(3), ..Limits::default() },
+                "session_idle is 0, or shorter",
+            ),
+            (Limits { drain: s(u64::MAX), ..Limits::default() }, "drain is too large"),
+            (Limits { session_queue: usize::MAX, ..Limits::default() }, "session_queue is too large"),
+            (Limits { heartbeat_min: s(20), ..Limits::default() }, "heartbeat_min is longer than heartbeat"),
+            (Limits { page_size: 2000, ..Limits::default() }, "page_size is larger than page_size_max"),
+        ] {
+            let refusal = limits.check().unwrap_err();
+            assert!(refusal.starts_with(named), "{refusal}");
+        }
+        Limits { past_states: 0, mesh_bytes: 0, ..Limits::default() }.check().unwrap();
     }
 }

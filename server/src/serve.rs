@@ -163,6 +163,9 @@ pub async fn serve(
 
     let scheme = if tls.is_some() { "https" } else { "http" };
     let connections = Arc::new(Connections::new(router, door, tls, api.limits()));
+    // Each open connection holds them, and so does the loop that accepts.
+    let held = Arc::downgrade(&connections);
+    api.metrics().connections_are(move || held.strong_count().saturating_sub(1));
     tracing::info!(
         api = %format!("{scheme}://{address}"),
         dashboard = %format!("{scheme}://{address}/"),

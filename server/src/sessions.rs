@@ -134,6 +134,11 @@ impl<S: Aggregate> Sessions<S> {
         }
     }
 
+    /// How many sessions are in memory.
+    pub(crate) fn live_count(&self) -> usize {
+        self.live.len()
+    }
+
     /// Creates a session.
     ///
     /// # Errors

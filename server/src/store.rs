@@ -9,40 +9,50 @@
 //! (WAL, synchronous = full). What payloads and replies mean is not known here: they are bytes.
 
 mod apply;
+mod backup;
 mod change;
 mod checkpoints;
 mod checks;
 mod event;
 mod files;
+mod inspection;
 mod link;
 mod linking;
 mod open;
+mod proof;
 mod read;
 mod readable;
 mod references;
+mod restore;
 mod tokens;
 mod witness;
 mod write;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use sqlx::SqlitePool;
 use tokio::sync::{mpsc, oneshot};
 use tokio_util::sync::CancellationToken;
+use tracing::Instrument;
 
 use crate::limits::Limits;
+use crate::metrics::Metrics;
 
+pub use backup::{BackupError, Copied, Progress, back_up};
 use change::Change;
 pub(crate) use change::{Damage, Deletion, Import, NewSession, SessionHead};
 pub(crate) use checkpoints::{Checkpoint, Checkpoints, Kept};
 pub(crate) use event::Event;
+pub use inspection::{Inspection, Witnessed, inspect};
 pub(crate) use link::{Link, first as first_link};
 pub use open::OpenError;
 use open::Opened;
+pub use proof::Proof;
 pub(crate) use read::{ExperimentPart, Filter, FirstRequest, PageEnd, SessionRow, StateFilter};
 use readable::Readable;
 pub(crate) use references::{KeptReference, NewErrors, NewReference, ReferenceKey, SurfaceError};
+pub use restore::{Older, Restored, restore};
 pub(crate) use tokens::{TokenFile, TokenReader, TokenRow};
 use write::{Job, Writer};
 
@@ -106,6 +116,9 @@ pub(crate) struct Store {
     missing: i64,
     /// What the disk does not read.
     readable: Arc<Readable>,
+    database: PathBuf,
+    /// What the whole server counts; it begins with the log.
+    pub(crate) metrics: Metrics,
     /// What folds go on from.
     pub(crate) checkpoints: Checkpoints,
 }
@@ -139,14 +152,15 @@ impl Store {
         let missing = opened.missing;
         let readable = Arc::new(Readable::of(&opened.database));
         let checkpoints = Checkpoints::beside(&opened.database, version, limits.checkpoint_bytes);
-        let writer = Writer::new(opened, limits.database_bytes);
+        let (database, metrics) = (opened.database.clone(), Metrics::default());
+        let writer = Writer::new(opened, limits.database_bytes, metrics.clone());
         let writer = writer.run(queue, limits.write_batch, closing.clone());
         let announce = closed.clone().drop_guard();
         tokio::spawn(async move {
             writer.await;
             drop(announce);
         });
-        Self { readers, jobs, closing, closed, missing, readable, checkpoints }
+        Self { readers, jobs, closing, closed, missing, readable, database, metrics, checkpoints }
     }
 
     /// Writes a session with its first events, all or none.
@@ -212,8 +226,29 @@ impl Store {
         self.closed.cancelled().await;
     }
 
+    /// How many writes wait.
+    pub(crate) fn waiting_writes(&self) -> usize {
+        self.jobs.max_capacity() - self.jobs.capacity()
+    }
+
+    /// The sizes of the database, of its log of changes and of the checkpoints, and the room that their disk has left,
+    /// each as far as the system tells.
+    pub(crate) fn sizes(&self) -> [Option<u64>; 4] {
+        let size = |ending: &str| Some(std::fs::metadata(files::beside(&self.database, ending)).ok()?.len());
+        [size(""), size("-wal"), size("-checkpoints"), files::free_bytes(&self.database)]
+    }
+
+    /// The engine.
+    ///
+    /// # Errors
+    /// The database cannot be read.
+    pub(crate) async fn engine_version(&self) -> Result<String, StoreError> {
+        Ok(sqlx::query_scalar("select sqlite_version()").fetch_one(&self.readers).await?)
+    }
+
     async fn write(&self, change: Change) -> Result<(), StoreError> {
-        self.enqueue(change)?.await.map_err(|_| StoreError::Down("the writer has stopped".into()))?
+        let committed = self.enqueue(change)?.instrument(tracing::debug_span!("commit"));
+        committed.await.map_err(|_| StoreError::Down("the writer has stopped".into()))?
     }
 
     fn enqueue(&self, change: Change) -> Result<oneshot::Receiver<Result<(), StoreError>>, StoreError> {

@@ -6,10 +6,12 @@ mod caller;
 mod guarded;
 mod http;
 mod process;
+mod program;
 mod proxy;
 mod random;
 mod raw;
 mod refusal;
+mod robots;
 mod samples;
 mod server;
 pub(crate) mod truth;
@@ -20,10 +22,12 @@ pub(crate) use caller::{Caller, Transport, reply};
 pub(crate) use guarded::{Guarded, issue, new_token};
 pub(crate) use http::{EventStream, Http, accepted, from_json, header, send, to_json};
 pub(crate) use process::Process;
+pub(crate) use program::{Ran, run, run_with};
 pub(crate) use proxy::Proxy;
 pub(crate) use random::Random;
 pub(crate) use raw::{Raw, outcome, say_raw};
 pub(crate) use refusal::{Outcome, Refused};
+pub(crate) use robots::Robots;
 pub(crate) use samples::{
     cap, cloud, creation, miss, prior, question, report, result, touch, without_timing,
 };

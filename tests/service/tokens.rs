@@ -9,8 +9,7 @@ use palpate_server::{Limits, ServeOptions};
 use serde_json::{Value, json};
 
 use crate::harness::{
-    EventStream, Guarded, Process, Server, accepted, cap, creation, header, issue, new_token, prior, send,
-    soon,
+    EventStream, Guarded, Process, Server, accepted, cap, creation, header, issue, new_token, send, soon,
 };
 
 #[tokio::test]

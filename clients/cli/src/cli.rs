@@ -4,9 +4,10 @@
 
 use std::process::ExitCode;
 
-use clap::{CommandFactory, Parser};
+use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser};
 
 use crate::commands::Command;
+use crate::config_file::{self, ConfigFile};
 use crate::failure::{Ended, Failure};
 use crate::log::{self, LogFormat};
 use crate::terminal::{self, warn};
@@ -43,14 +44,44 @@ struct Cli {
 
 /// Runs the program with the process's arguments.
 pub fn run() -> ExitCode {
-    let Cli { command, log, log_format } = Cli::parse();
-    let result = log::start(log.as_deref().unwrap_or(command.default_log()), log_format)
-        .and_then(|()| Ok(tokio::runtime::Builder::new_multi_thread().enable_all().build()?))
-        .and_then(|runtime| runtime.block_on(command.run(Cli::command())));
+    let (program, matches) = match arguments() {
+        Ok(arguments) => arguments,
+        Err(failure) => return tell(&failure),
+    };
+    let Cli { command, log, log_format } =
+        Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    let filter = log.unwrap_or_else(|| command.default_log().to_owned());
+    let result = tokio::runtime::Builder::new_multi_thread().enable_all().build();
+    let result = result.map_err(Failure::from).and_then(|runtime| {
+        let _on_runtime = runtime.enter();
+        log::start(&filter, log_format)?;
+        let done = runtime.block_on(command.run(program, &matches));
+        #[cfg(feature = "otel")]
+        crate::traces::finish();
+        done
+    });
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => tell(&failure),
     }
+}
+
+/// The program and the arguments that it was called with, where a configuration file has a say, too.
+fn arguments() -> Result<(clap::Command, ArgMatches), Failure> {
+    let matches = Cli::command().get_matches();
+    let Some(path) = config_file::named_by(&matches) else { return Ok((Cli::command(), matches)) };
+    let file = ConfigFile::read(&path)?;
+    let program = file.as_defaults_of(Cli::command())?;
+    // The arguments alone are right, so what is refused now is the file's.
+    let matches = program.clone().try_get_matches().map_err(|refusal| file.blame(in_a_line(&refusal)))?;
+    Ok((program, matches))
+}
+
+/// What is wrong, without what usage there is.
+fn in_a_line(refusal: &clap::Error) -> String {
+    let text = refusal.to_string();
+    let line = text.lines().next().unwrap_or_default();
+    line.strip_prefix("error: ").unwrap_or(line).to_owned()
 }
 
 /// Tells people what happened, and programs by the exit code.
@@ -61,14 +92,14 @@ fn tell(failure: &Failure) -> ExitCode {
         return ExitCode::from(2);
     }
     let ended = failure.downcast_ref::<Ended>();
-    if ended != Some(&Ended::Unread) {
+    if !matches!(ended, Some(Ended::Unread | Ended::Told)) {
         warn(failure);
     }
     // As a shell counts them: 128 and the number of the signal, SIGPIPE or SIGINT.
     match ended {
         Some(Ended::Unread) => ExitCode::from(141),
         Some(Ended::Interrupted(_)) => ExitCode::from(130),
-        None => ExitCode::FAILURE,
+        Some(Ended::Told) | None => ExitCode::FAILURE,
     }
 }
 

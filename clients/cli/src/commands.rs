@@ -1,23 +1,28 @@
 //! The program's commands, one file each.
 
+mod backup;
 mod bench;
 mod completions;
+mod config;
 mod demo;
+mod doctor;
 mod evaluate;
 mod explore;
 mod export;
 mod fork;
 mod import;
 mod list;
+mod log_level;
 mod manual;
 mod replay;
+mod restore;
 mod robot;
 mod serve;
 mod server;
 mod simulations;
 mod token;
 
-use clap::Subcommand;
+use clap::{ArgMatches, Subcommand};
 
 use crate::failure::Failure;
 
@@ -56,6 +61,21 @@ pub(crate) enum Command {
     /// Bring a session from a bundle onto a running server.
     #[command(long_about = import::ABOUT)]
     Import(import::Args),
+    /// Say whether a database, the machine and a server are well.
+    #[command(long_about = doctor::ABOUT)]
+    Doctor(doctor::Args),
+    /// Show or change what a running server logs.
+    #[command(long_about = log_level::ABOUT)]
+    LogLevel(log_level::Args),
+    /// Copy the database into one file, while a server runs or not.
+    #[command(long_about = backup::ABOUT)]
+    Backup(backup::Args),
+    /// Put a copy in the place of the database.
+    #[command(long_about = restore::ABOUT)]
+    Restore(restore::Args),
+    /// Print the settings of a server, what they mean and where they come from.
+    #[command(long_about = config::ABOUT)]
+    Config(config::Args),
     /// Print what makes a shell complete the arguments.
     #[command(long_about = completions::ABOUT)]
     Completions(completions::Args),
@@ -65,8 +85,8 @@ pub(crate) enum Command {
 }
 
 impl Command {
-    /// Runs the command to its end; `program` is what declares all of them.
-    pub(crate) async fn run(self, program: clap::Command) -> Result<(), Failure> {
+    /// Runs the command to its end; `program` is what declares all of them, and `matches` what it was called with.
+    pub(crate) async fn run(self, program: clap::Command, matches: &ArgMatches) -> Result<(), Failure> {
         match self {
             Self::Demo(args) => demo::run(args).await,
             Self::Serve(args) => serve::run(args).await,
@@ -79,6 +99,11 @@ impl Command {
             Self::Replay(args) => replay::run(args).await,
             Self::Export(args) => export::run(args).await,
             Self::Import(args) => import::run(args).await,
+            Self::Doctor(args) => doctor::run(args).await,
+            Self::LogLevel(args) => log_level::run(args).await,
+            Self::Backup(args) => backup::run(args).await,
+            Self::Restore(args) => restore::run(args).await,
+            Self::Config(args) => config::run(&args, &program, matches),
             Self::Completions(args) => completions::run(&args, program),
             Self::Man(args) => manual::run(&args, program),
         }
@@ -98,6 +123,11 @@ impl Command {
             | Self::Replay(_)
             | Self::Export(_)
             | Self::Import(_)
+            | Self::Doctor(_)
+            | Self::LogLevel(_)
+            | Self::Backup(_)
+            | Self::Restore(_)
+            | Self::Config(_)
             | Self::Completions(_)
             | Self::Man(_) => "warn",
         }

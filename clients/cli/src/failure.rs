@@ -10,6 +10,8 @@ pub(crate) type Failure = Box<dyn std::error::Error + Send + Sync>;
 pub(crate) enum Ended {
     /// Nobody reads the output any more, as in `palpate demo | head`.
     Unread,
+    /// All was said that there is to say, and it is not well.
+    Told,
     /// Ctrl-C; what there is to say of what was done until then.
     Interrupted(String),
 }
@@ -18,6 +20,7 @@ impl Display for Ended {
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Unread => f.write_str("nobody reads the output any more"),
+            Self::Told => f.write_str("not all is well"),
             Self::Interrupted(text) => f.write_str(text),
         }
     }

@@ -5,9 +5,16 @@
 
 mod cli;
 mod commands;
+mod config_file;
 mod failure;
+mod limits;
 mod log;
+mod near;
+mod probe;
+mod progress;
 mod terminal;
+#[cfg(feature = "otel")]
+mod traces;
 mod version;
 mod writable;
 

@@ -114,7 +114,12 @@ impl Api {
         };
         let (actor, work, compute) = (actor.to_owned(), Work::View, Arc::new(compute));
         let change = Change { session_id, request: key, expected_revision, actor, work, compute };
-        stored(&self.sessions.change(change, deadline).await?.bytes)
+        let reply = self.sessions.change(change, deadline).await?;
+        let first: v1::AddVisualPriorResponse = stored(&reply.bytes)?;
+        if !reply.duplicate {
+            self.metrics().view(&first.warning_details);
+        }
+        Ok(first)
     }
 
     pub(super) async fn propose(
@@ -148,7 +153,10 @@ impl Api {
         }
         check_explained(&snapshot, &question, names.explain)?;
         let propose = move || answer(&snapshot, &question, &snapshot.propose(&question, now_us()));
-        self.sessions.pool.run(Queue::ROBOTS, Work::Proposal, &session_id, deadline, propose).await
+        let pool = &self.sessions.pool;
+        let reply = pool.run(Queue::ROBOTS, Work::Proposal, &session_id, deadline, propose).await?;
+        self.metrics().warned(&reply.warning_details);
+        Ok(reply)
     }
 
     pub(super) async fn report(
@@ -170,6 +178,7 @@ impl Api {
             &self.limits,
         )?;
         let event = event::encode(Kind::ContactResult(result.clone()));
+        let outcome = result.outcome.clone();
         let limits = self.limits.clone();
         let compute = move |before: &Snapshot| {
             let at_us = before.next_event_us();
@@ -180,6 +189,9 @@ impl Api {
         let change = Change { session_id, request: key, expected_revision, actor, work, compute };
         let reply = self.sessions.change(change, deadline).await?;
         let first: v1::ReportContactResponse = stored(&reply.bytes)?;
+        if let Some(outcome) = outcome.filter(|_| !reply.duplicate) {
+            self.metrics().contact(&outcome, &first.warning_details);
+        }
         Ok(v1::ReportContactResponse { duplicate: reply.duplicate, ..first })
     }
 }

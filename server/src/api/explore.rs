@@ -112,6 +112,14 @@ impl ExploreStream {
             Some(RequestMessage::Open(open)) => open.resume_after_revision,
             _ => 0,
         };
+        let kind = match &message {
+            None => "Explore",
+            Some(RequestMessage::Ping(_)) => "Explore.ping",
+            Some(RequestMessage::Open(_)) => "Explore.open",
+            Some(RequestMessage::VisualPrior(_)) => "Explore.visual_prior",
+            Some(RequestMessage::Result(_)) => "Explore.result",
+            Some(RequestMessage::Propose(_)) => "Explore.propose",
+        };
         let outcome = match message {
             None => Err(Error::field("message", "is missing")),
             Some(RequestMessage::Ping(ping)) => Ok(vec![ReplyMessage::Pong(ping)]),
@@ -123,6 +131,7 @@ impl ExploreStream {
         let session_id = self.open.as_ref().map_or("", |open| open.session_id.as_str());
         tracing::info_span!("explore", session_id, id)
             .in_scope(|| super::log(outcome.as_ref().err(), started));
+        self.api.metrics().call(kind, outcome.as_ref().err(), started.elapsed());
         let was_resumed = outcome.is_ok() && resumed_after > 0;
         let replies = outcome.unwrap_or_else(|error| vec![ReplyMessage::Problem(problem(&error))]);
         for reply in replies {

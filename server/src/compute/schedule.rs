@@ -197,6 +197,12 @@ impl<C> Schedule<C> {
         self.costs[work as usize].afterwards.add(after);
     }
 
+    /// How many jobs of this queue wait, and how many run.
+    pub(super) fn load(&self, queue: Queue) -> (usize, usize) {
+        let line = self.lines(queue).0;
+        (line.shares.len(), line.running.len())
+    }
+
     /// Whose turn it is; nobody's where there is no thread for those who wait.
     fn turn(&self) -> Option<Queue> {
         let robot_waits = !self.robots.shares.is_empty() && self.has_thread(Queue::ROBOTS);

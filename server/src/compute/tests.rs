@@ -11,7 +11,7 @@ fn soon() -> Instant {
 }
 
 fn pool(threads: usize, limits: &Limits) -> Pool {
-    Pool::new(threads, limits)
+    Pool::new(threads, limits, Metrics::default())
 }
 
 /// Jobs that run until they are told to finish, on as many threads.

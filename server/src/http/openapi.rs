@@ -240,6 +240,7 @@ mod tests {
             "delete /v1/sessions/{session_id}/reference",
             "get /healthz",
             "get /livez",
+            "get /metrics",
             "get /readyz",
             "get /v1/experiments",
             "get /v1/experiments/{experiment}/summary",

@@ -148,6 +148,11 @@ impl<S> LiveSessions<S> {
         Self { by_id: Mutex::default(), since: std::time::Instant::now(), room, queue }
     }
 
+    /// How many there are.
+    pub(super) fn len(&self) -> usize {
+        self.lock().len()
+    }
+
     /// The session's entry in memory, made where there is none.
     pub(super) fn get(&self, session_id: &str) -> Arc<Live<S>> {
         let mut by_id = self.lock();

@@ -462,7 +462,7 @@ impl World {
 async fn open(folder: &TempDir) -> Arc<Sessions<Toy>> {
     let limits = Limits { live_sessions: 2, past_states: 2, ..Limits::default() };
     let store = Store::open_beside(&folder.path().join("log.db"), &limits).await.unwrap();
-    let pool = Pool::new(2, &limits);
+    let pool = Pool::new(2, &limits, store.metrics.clone());
     Arc::new(Sessions::new(store, pool, FOLDING, Arc::new(limits), CancellationToken::new()))
 }
 

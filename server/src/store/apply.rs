@@ -33,7 +33,7 @@ pub(super) async fn apply(connection: &mut SqliteConnection, change: &Change) ->
 }
 
 /// What the database holds, in bytes: pages that a deletion left free are used again.
-pub(super) async fn bytes_used(connection: &mut SqliteConnection) -> Result<u64, StoreError> {
+pub(super) async fn bytes_used(connection: &mut SqliteConnection) -> Result<u64, sqlx::Error> {
     let query = sqlx::query_scalar(
         "select (page_count - freelist_count) * page_size
          from pragma_page_count(), pragma_freelist_count(), pragma_page_size()",

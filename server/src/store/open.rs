@@ -17,7 +17,7 @@ use super::files::{self, OpenedFiles};
 use super::witness::{Testimony, Witness};
 use super::{checks, linking};
 
-static MIGRATIONS: Migrator = sqlx::migrate!("../migrations");
+pub(super) static MIGRATIONS: Migrator = sqlx::migrate!("../migrations");
 
 const READERS: u32 = 4;
 /// Another process may hold the file for the time of one of its commits.
@@ -189,7 +189,7 @@ pub(super) async fn open_beside(database: &Path) -> Result<Opened, OpenError> {
 }
 
 /// The witness with its lock. A server that is about to end is waited for, but not one that goes on.
-async fn held(database: &Path) -> std::io::Result<Option<Witness>> {
+pub(super) async fn held(database: &Path) -> std::io::Result<Option<Witness>> {
     let end = tokio::time::Instant::now() + WAIT_FOR_LOCK;
     loop {
         let witness = Witness::open(database)?;

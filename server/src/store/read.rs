@@ -66,7 +66,7 @@ pub(super) struct EventRow {
 
 impl EventRow {
     /// Whether the event says what it said when it was appended, after the event that was there then.
-    fn is_sound(&self, session_id: &str) -> bool {
+    pub(super) fn is_sound(&self, session_id: &str) -> bool {
         let before = match (self.event.seq, self.link_before.as_deref()) {
             (1, None) => link::first(session_id),
             (_, Some(before)) => match before.try_into() {
@@ -131,7 +131,7 @@ const PROVED_AT_ONCE: i64 = 64;
 /// Bytes of events that are read at once.
 const READ_BYTES: usize = 16 << 20;
 
-const SESSION_COLUMNS: &str =
+pub(super) const SESSION_COLUMNS: &str =
     "session_id, created_us, head, state, summary, link, seal, damage, sound from sessions";
 pub(super) const EVENT_COLUMNS: &str = "e.seq, e.request_id, e.request_digest, e.kind, e.payload, e.reply, e.state_hash, \
     e.stats_after, e.algorithm_version, e.append_us, e.actor, e.link, before.link as link_before \
@@ -424,7 +424,7 @@ impl Store {
 }
 
 /// Whether an error says that what is on disk is no row of its table.
-fn is_unreadable(error: &sqlx::Error) -> bool {
+pub(super) fn is_unreadable(error: &sqlx::Error) -> bool {
     matches!(error, sqlx::Error::ColumnDecode { .. })
         || open::primary_code(error) == Some(open::SQLITE_CORRUPT)
 }

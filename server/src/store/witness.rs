@@ -16,7 +16,7 @@ use super::files;
 /// Two places are written in turn, so that one is whole whatever happens to the other.
 const PLACE_BYTES: usize = 256;
 /// What the name of the database gets.
-const ENDING: &str = "-witness";
+pub(super) const ENDING: &str = "-witness";
 
 /// The open and locked file.
 #[derive(Debug)]
@@ -75,7 +75,7 @@ impl Witness {
         let mut bytes = Vec::new();
         file.seek(SeekFrom::Start(0))?;
         (&mut *file).take(2 * PLACE_BYTES as u64).read_to_end(&mut bytes)?;
-        Ok(bytes.chunks(PLACE_BYTES).filter_map(parse).max_by_key(|testimony| testimony.appended))
+        Ok(testimony(&bytes))
     }
 
     /// Writes and syncs what is acknowledged.
@@ -101,6 +101,11 @@ impl Witness {
         self.file.lock().unwrap_or_else(PoisonError::into_inner).set_len(0)?;
         self.write(testimony)
     }
+}
+
+/// What a file says that was read.
+pub(super) fn testimony(bytes: &[u8]) -> Option<Testimony> {
+    bytes.chunks(PLACE_BYTES).filter_map(parse).max_by_key(|testimony| testimony.appended)
 }
 
 fn parse(place: &[u8]) -> Option<Testimony> {

@@ -17,6 +17,7 @@ use super::change::Change;
 use super::open::{self, Opened};
 use super::witness::Testimony;
 use super::{StoreError, apply};
+use crate::metrics::Metrics;
 
 /// A commit, and a measure of the database's size, this long ago still says how things are.
 const FRESH: Duration = Duration::from_secs(1);
@@ -41,11 +42,13 @@ pub(super) struct Writer {
     disk_was_full: bool,
     /// After a failure nothing is known of what the engine still holds: it is opened anew.
     is_stale: bool,
+    metrics: Metrics,
 }
 
 impl Writer {
-    pub(super) fn new(opened: Opened, most_bytes: u64) -> Self {
-        Self { opened, most_bytes, last_commit: None, measured: None, disk_was_full: false, is_stale: false }
+    pub(super) fn new(opened: Opened, most_bytes: u64, metrics: Metrics) -> Self {
+        let (last_commit, measured) = (None, None);
+        Self { opened, most_bytes, last_commit, measured, disk_was_full: false, is_stale: false, metrics }
     }
 
     /// Serves the queue until it is closed or its last sender is gone.
@@ -55,7 +58,7 @@ impl Writer {
         batch: usize,
         closing: CancellationToken,
     ) {
-        let mut jobs = Vec::with_capacity(batch);
+        let mut jobs = Vec::new();
         while receive(&mut queue, &mut jobs, batch, &closing).await > 0 {
             let outcomes = self.write(&jobs).await;
             if let Err(failure) = &outcomes {
@@ -85,7 +88,10 @@ impl Writer {
             (self.opened.connection, self.opened.appended) = open::reopened(&self.opened.database).await?;
             self.is_stale = false;
         }
-        let outcomes = match self.commit(jobs).await {
+        let begun = Instant::now();
+        let committed = self.commit(jobs).await;
+        self.metrics.committed(jobs.len(), committed.is_ok(), begun.elapsed());
+        let outcomes = match committed {
             Ok(outcomes) => outcomes,
             Err(failure) => {
                 // Fails harmlessly where the engine has rolled back by itself.

@@ -28,14 +28,23 @@ impl Process {
 
     /// The same with more for the program, such as its environment.
     pub(crate) async fn serve_with(database: &Path, more: impl FnOnce(&mut Command)) -> Self {
-        Self::serve_logging(database, "info", more).await
+        Self::serve_at("127.0.0.1:0", database, more).await
+    }
+
+    /// The same at an address to choose, with more for the program.
+    pub(crate) async fn serve_at(listen: &str, database: &Path, more: impl FnOnce(&mut Command)) -> Self {
+        Self::serve_as(listen, database, "info", more).await
     }
 
     /// The same with this much in its log.
     pub(crate) async fn serve_logging(database: &Path, level: &str, more: impl FnOnce(&mut Command)) -> Self {
+        Self::serve_as("127.0.0.1:0", database, level, more).await
+    }
+
+    async fn serve_as(listen: &str, database: &Path, level: &str, more: impl FnOnce(&mut Command)) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_palpate-under-test"));
         command
-            .args(["--log-format", "json", "--log", level, "serve", "--listen", "127.0.0.1:0", "--database"])
+            .args(["--log-format", "json", "--log", level, "serve", "--listen", listen, "--database"])
             .arg(database)
             .stderr(Stdio::piped())
             .kill_on_drop(true);

@@ -5,14 +5,17 @@ use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::PathBuf;
 use std::process;
 
+use axum::middleware::from_fn_with_state;
 use http::HeaderValue;
 use tokio::net::TcpListener;
 use tokio_util::sync::CancellationToken;
 
-use super::simulations;
+use super::{log_level, simulations};
+use crate::config_file::ConfigFile;
 use crate::failure::Failure;
-use crate::writable;
-use palpate_server::{ServeOptions, TlsFiles, parse_host, parse_origin, serve};
+use crate::{limits, writable};
+use palpate_server::access::{Scope, require};
+use palpate_server::{Limits, ServeOptions, TlsFiles, parse_host, parse_origin, serve};
 
 /// The exit code of a process that was interrupted: 128 and the number of SIGINT.
 const INTERRUPTED: i32 = 130;
@@ -32,18 +35,24 @@ Examples:
   palpate serve --listen 0.0.0.0:7257 --tls-cert cert.pem --tls-key key.pem
           for the lab's network, with tokens made by `palpate token create`
   palpate serve --allow-origin http://localhost:5173
-          for a web page that is developed on that port";
+          for a web page that is developed on that port
+  palpate serve --config palpate.toml
+          as a file says; palpate config --show begins one";
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
+    /// A file of settings, under the names of these flags with `_` for `-`; flags and environment win over it.
+    #[arg(long, env = "PALPATE_CONFIG", value_name = "FILE")]
+    pub(super) config: Option<PathBuf>,
+
     /// Address and port; port 0 takes a free one and the log says which.
     #[arg(long, env = "PALPATE_LISTEN", value_name = "ADDRESS:PORT", default_value = "127.0.0.1:7257")]
     #[arg(value_parser = resolve)]
-    listen: SocketAddr,
+    pub(super) listen: SocketAddr,
 
     /// The SQLite file that holds all sessions; made where it does not exist.
     #[arg(long, env = "PALPATE_DATABASE", value_name = "FILE", default_value = "palpate.db")]
-    database: PathBuf,
+    pub(super) database: PathBuf,
 
     /// Ask nobody who they are, on whatever address: anyone who reaches the port can then read and change every
     /// session. On the loopback that is so unless tokens are required.
@@ -87,6 +96,29 @@ pub(crate) struct Args {
     #[arg(long, env = "PALPATE_SIMULATED_ROBOTS", value_name = "N", default_value_t = 0)]
     #[arg(value_parser = clap::value_parser!(u8).range(0..=simulations::MOST))]
     simulated_robots: u8,
+
+    /// One of the bounds that keep the server well, such as `streams=512` or `drain=30s`; may be given several times.
+    /// `palpate config --show` lists them all.
+    #[arg(long = "limit", env = "PALPATE_LIMIT", value_name = "NAME=VALUE", value_delimiter = ',')]
+    #[arg(value_parser = limits::pair)]
+    pub(super) limits: Vec<(String, String)>,
+}
+
+impl Args {
+    /// The bounds in force: the defaults, what the file says over them, and what the flags say over that.
+    ///
+    /// # Errors
+    /// The file sets one that there is not, or a server cannot run within them.
+    pub(super) fn limits(&self) -> Result<Limits, Failure> {
+        let mut in_force = Limits::default();
+        if let Some(path) = &self.config {
+            let file = ConfigFile::read(path)?;
+            in_force = limits::with(&in_force, file.limits.iter()).map_err(|refusal| file.blame(refusal))?;
+        }
+        let in_force = limits::with(&in_force, self.limits.iter())?;
+        in_force.check().map_err(|refusal| format!("limits: {refusal}"))?;
+        Ok(in_force)
+    }
 }
 
 /// An address, or the first address of a name such as `localhost`.
@@ -97,6 +129,7 @@ fn resolve(text: &str) -> Result<SocketAddr, String> {
 
 /// Serves until a signal says stop.
 pub(crate) async fn run(args: Args) -> Result<(), Failure> {
+    let limits = args.limits()?;
     let Args {
         listen,
         database,
@@ -108,6 +141,7 @@ pub(crate) async fn run(args: Args) -> Result<(), Failure> {
         allowed_origins,
         allowed_hosts,
         simulated_robots,
+        ..
     } = args;
     let require_tokens = require_tokens || !(listen.ip().is_loopback() || insecure_open);
     let tls = tls_cert.zip(tls_key).map(|(certificate, key)| TlsFiles { certificate, key, client_ca });
@@ -122,15 +156,16 @@ pub(crate) async fn run(args: Args) -> Result<(), Failure> {
     let shutdown = CancellationToken::new();
     tokio::spawn(cancel_on_signal(shutdown.clone()));
     let additional_routes =
-        simulations::router(listener.local_addr()?, simulated_robots.into(), shutdown.clone());
+        simulations::router(listener.local_addr()?, simulated_robots.into(), shutdown.clone())
+            .merge(log_level::router().route_layer(from_fn_with_state(Scope::Admin, require)));
     let options = ServeOptions {
         database,
+        limits,
         allowed_origins,
         allowed_hosts,
         require_tokens,
         tls,
         additional_routes,
-        ..ServeOptions::default()
     };
     // It says itself where it listens, once the database is open.
     serve(listener, options, shutdown).await?;

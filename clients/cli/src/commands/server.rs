@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use palpate_client::{Client, ClientBuilder};
 
 use crate::failure::Failure;
+use crate::probe::{self, Credentials};
 
 /// Where a token is kept that no list of processes shows.
 const TOKEN: &str = "PALPATE_TOKEN";
@@ -57,17 +58,34 @@ impl ServerArgs {
 impl CallerArgs {
     /// A client of the server at this address, which says who calls.
     pub(super) fn client(&self, url: &str) -> Result<ClientBuilder, Failure> {
+        let Credentials { token, authority, identity } = self.credentials()?;
         let mut builder = Client::builder(url);
-        if let Some(token) = self.token()? {
+        if let Some(token) = token {
             builder = builder.token(&token);
         }
-        if let Some(path) = &self.authority {
-            builder = builder.certificate_authority(&read("--ca", path)?);
+        if let Some(pem) = authority {
+            builder = builder.certificate_authority(&pem);
         }
-        if let (Some(certificate), Some(key)) = (&self.certificate, &self.key) {
-            builder = builder.certificate(&read("--certificate", certificate)?, &read("--key", key)?);
+        if let Some((certificate, key)) = identity {
+            builder = builder.certificate(&certificate, &key);
         }
         Ok(builder)
+    }
+
+    /// A plain HTTP client that shows the same.
+    pub(super) fn http(&self) -> Result<reqwest::Client, Failure> {
+        probe::client(&self.credentials()?)
+    }
+
+    fn credentials(&self) -> Result<Credentials, Failure> {
+        let authority = self.authority.as_ref().map(|path| read("--ca", path)).transpose()?;
+        let identity = match (&self.certificate, &self.key) {
+            (Some(certificate), Some(key)) => {
+                Some((read("--certificate", certificate)?, read("--key", key)?))
+            }
+            _ => None,
+        };
+        Ok(Credentials { token: self.token()?, authority, identity })
     }
 
     fn token(&self) -> Result<Option<String>, Failure> {

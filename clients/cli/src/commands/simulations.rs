@@ -260,7 +260,7 @@ async fn stop(State(simulations): State<Arc<Simulations>>, Path(session_id): Pat
 }
 
 /// A problem document as the server's (RFC 9457).
-fn problem(status: StatusCode, reason: &str, field: &str, detail: &str) -> Response {
+pub(super) fn problem(status: StatusCode, reason: &str, field: &str, detail: &str) -> Response {
     let fields: Vec<_> =
         (!field.is_empty()).then(|| json!({ "field": field, "description": detail })).into_iter().collect();
     let title = status.canonical_reason();
