@@ -58,29 +58,37 @@ impl Part {
         let limbs: Vec<Self> = limbs.iter().map(|limb| limb.clone().held_by(self)).collect();
         let (own, limb_fields) = (self.field(), limbs.iter().map(Self::field).collect::<Vec<_>>());
         let (mut equations, mut slopes) = (NormalEquations::zero(), Slopes::zero());
-        for (block, others) in data.blocks.iter().zip(&others.blocks) {
-            if block.side == Side::Outside && Self::is_outside(&own, &limb_fields, block, others) {
-                continue;
-            }
+        let mut add = |block: &Block, others: &Lanes| {
             let mut nearest = own.linearised(&block.points);
             limb_fields
                 .iter()
                 .for_each(|limb| nearest.or_limb(&limb.linearised(&block.points), limb.part, self));
             equations.cost += slopes.add_nearest(block, &nearest, others);
+        };
+        let (free, bound): (Vec<_>, Vec<_>) =
+            data.blocks.iter().zip(&others.blocks).partition(|(block, _)| block.side == Side::Outside);
+        bound.into_iter().for_each(|(block, others)| add(block, others));
+        // What is outside costs nothing and pulls nowhere, as most of what is free does: of it only the points in the
+        // boxes around the parts are looked at, and their derivatives only where one of them is inside.
+        for (block, others) in Block::packed(&free, |block, others| Self::near(&own, &limb_fields, block, others)) {
+            let is_inside = |field: &Field<'_>| field.distances(&block.points).iter().any(|d| *d < 0.0);
+            if others.iter().any(|d| *d < 0.0) || is_inside(&own) || limb_fields.iter().any(is_inside) {
+                add(&block, &others);
+            }
         }
         equations.add_slopes(&slopes);
         self.add_priors(&mut equations, &data.frame.centre);
         equations
     }
 
-    /// Whether a block of free points lies outside this part, its limbs and the others: it costs nothing and pulls
-    /// nowhere, as most of what is free does. Cheaper than its derivatives.
-    fn is_outside(own: &Field<'_>, limbs: &[Field<'_>], block: &Block, others: &Lanes) -> bool {
-        let is_outside = |distances: &Lanes| distances.iter().all(|distance| *distance >= 0.0);
-        is_outside(others)
-            && std::iter::once(own).chain(limbs).all(|field| {
-                field.is_beyond(&block.points) || is_outside(&field.distances(&block.points))
-            })
+    /// Which free points of a block are in the box around this part or one of its limbs, or inside the others.
+    fn near(own: &Field<'_>, limbs: &[Field<'_>], block: &Block, others: &Lanes) -> [bool; LANES] {
+        let mut near = others.map(|distance| distance < 0.0);
+        for field in std::iter::once(own).chain(limbs) {
+            let beyond = field.beyond(&block.points);
+            (0..LANES).for_each(|lane| near[lane] |= !beyond[lane]);
+        }
+        near
     }
 
     fn add_priors(&self, equations: &mut NormalEquations<11>, expected_centre: &Vector) {
