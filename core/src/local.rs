@@ -7,6 +7,7 @@
 //! standard deviation beside each height: one [`Raised`] for all of it.
 
 mod affine;
+mod cholesky;
 mod doubts;
 pub(crate) mod hyperparameters;
 mod kernel;

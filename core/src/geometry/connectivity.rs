@@ -1,5 +1,9 @@
 //! Which vertices and faces of a closed mesh lie next to each other, whatever their positions.
 
+use std::sync::OnceLock;
+
+use super::ring::Rings;
+
 /// The faces of a closed mesh with their adjacency.
 #[derive(Debug, Default)]
 pub struct Connectivity {
@@ -9,6 +13,9 @@ pub struct Connectivity {
     starts: Vec<u32>,
     neighbours: Vec<u32>,
     faces_at: Vec<u32>,
+    /// The rings of all vertices, of a connectivity that lasts, once they were asked for.
+    rings: OnceLock<Rings>,
+    keeps_rings: bool,
 }
 
 impl Connectivity {
@@ -33,7 +40,27 @@ impl Connectivity {
                 *end += 1;
             }
         }
-        Self { faces, starts, neighbours, faces_at }
+        Self { faces, starts, neighbours, faces_at, rings: OnceLock::new(), keeps_rings: false }
+    }
+
+    /// The same where the rings of its vertices are kept: it is to last, as an icosphere's does.
+    pub(super) fn keeping_rings(self) -> Self {
+        Self { keeps_rings: true, ..self }
+    }
+
+    /// The rings of all vertices within so many edges, where they are kept: of the number of edges that was asked for
+    /// first, and not where they are many.
+    pub(super) fn rings(&self, hops: usize) -> Option<&Rings> {
+        if !self.keeps_rings || !Rings::are_few(hops, self.vertices()) {
+            return None;
+        }
+        let rings = self.rings.get_or_init(|| Rings::new(self, hops));
+        (rings.hops() == hops).then_some(rings)
+    }
+
+    /// How many vertices there are.
+    pub(super) fn vertices(&self) -> usize {
+        self.starts.len().saturating_sub(1)
     }
 
     /// The vertices that share an edge with `vertex`.

@@ -9,10 +9,11 @@ use std::sync::Arc;
 use faer::linalg::matmul::matmul;
 use faer::linalg::triangular_inverse::invert_lower_triangular;
 use faer::linalg::triangular_solve::{solve_lower_triangular_in_place, solve_upper_triangular_in_place};
-use faer::{Accum, Mat, Par, Scale, Side};
+use faer::{Accum, Mat, Par, Scale};
 
 use nalgebra::{DMatrix, DVector, Matrix3};
 
+use super::cholesky;
 use super::kernel::Known;
 use crate::evidence::RigidOffset;
 use crate::evidence::attractor::Rigid;
@@ -189,16 +190,19 @@ impl Prepared {
         let (prior, places) = (Prior { amplitude_m, ..self.prior }, Arc::clone(&self.places));
         let count = observations.len();
         let variance = amplitude_m * amplitude_m;
-        let mut system = Mat::zeros(count, count);
-        for column in 0..count {
-            let below =
-                (self.correlation.col_as_slice(column).iter().zip(self.rigid.col_as_slice(column)))
-                    .zip(system.col_as_slice_mut(column));
-            for ((correlation, rigid), entry) in below.skip(column) {
-                *entry = variance * f64::from(*correlation) + rigid;
+        let system = || {
+            let mut system = Mat::zeros(count, count);
+            for column in 0..count {
+                let below =
+                    (self.correlation.col_as_slice(column).iter().zip(self.rigid.col_as_slice(column)))
+                        .zip(system.col_as_slice_mut(column));
+                for ((correlation, rigid), entry) in below.skip(column) {
+                    *entry = variance * f64::from(*correlation) + rigid;
+                }
+                system[(column, column)] += observations[column].noise_m.powi(2) + prior.jitter();
             }
-            system[(column, column)] += observations[column].noise_m.powi(2) + prior.jitter();
-        }
+            system
+        };
         match factorised(system) {
             Some(factor) => Displacement::of_factor(prior, places, factor, observations),
             None => Displacement::unconditioned(prior, places, count),
@@ -239,11 +243,11 @@ impl Displacement {
             left[(at, at)] += self.noise_variance(observation);
         }
         matmul(left.as_mut(), Accum::Add, beside.transpose(), beside.as_ref(), -1.0, Par::Seq);
-        let Ok(corner) = left.llt(Side::Lower) else { return Self::fit(self.prior, observations) };
+        let Some(corner) = cholesky::factor(left) else { return Self::fit(self.prior, observations) };
         let mut factor = Mat::zeros(count, count);
         factor.as_mut().submatrix_mut(0, 0, known, known).copy_from(&*self.factor);
         factor.as_mut().submatrix_mut(known, 0, count - known, known).copy_from(beside.transpose());
-        factor.as_mut().submatrix_mut(known, known, count - known, count - known).copy_from(corner.L());
+        factor.as_mut().submatrix_mut(known, known, count - known, count - known).copy_from(&corner);
         Self::of_factor(self.prior, Arc::new(places), factor, observations)
     }
 
@@ -469,18 +473,23 @@ fn explain(inverse: &Mat<f32>, cross: &Mat<f32>) -> Mat<f32> {
 
 /// The Cholesky factor of a kernel matrix with noise. It is positive definite but for rounding, against which more
 /// and more is added to its diagonal; nothing where its entries are no numbers.
-fn factorised(mut system: Mat<f64>) -> Option<Mat<f64>> {
-    if let Ok(factor) = system.llt(Side::Lower) {
-        return Some(factor.L().to_owned());
+fn factorised(system: impl Fn() -> Mat<f64>) -> Option<Mat<f64>> {
+    if let Some(factor) = cholesky::factor(system()) {
+        return Some(factor);
     }
-    let largest = system.diagonal().column_vector().iter().fold(0.0, |most, entry| f64::max(most, *entry));
-    let mut added = FIRST_ADDED * largest.max(f64::MIN_POSITIVE);
+    let system = system();
+    let diagonal = || system.diagonal().column_vector();
+    let largest = diagonal().iter().fold(0.0, |most, entry| f64::max(most, *entry));
+    let mut added = 0.0;
+    let mut more = FIRST_ADDED * largest.max(f64::MIN_POSITIVE);
     for _ in 0..ADDITIONS {
-        (0..system.nrows()).for_each(|at| system[(at, at)] += added);
-        if let Ok(factor) = system.llt(Side::Lower) {
-            return Some(factor.L().to_owned());
+        added += more;
+        let mut raised = system.clone();
+        (0..system.nrows()).for_each(|at| raised[(at, at)] += added);
+        if let Some(factor) = cholesky::factor(raised) {
+            return Some(factor);
         }
-        added *= 10.0;
+        more *= 10.0;
     }
     None
 }
@@ -542,8 +551,8 @@ mod tests {
     fn a_matrix_that_rounding_has_spoilt_is_mended_by_its_diagonal() {
         // Its eigenvalues are 2 and -1e-7.
         let spoilt = Mat::from_fn(2, 2, |row, column| if row == column { 1.0 } else { 1.0 + 1e-7 });
-        assert!(spoilt.llt(Side::Lower).is_err() && factorised(spoilt).is_some());
-        assert!(factorised(Mat::from_fn(2, 2, |_, _| f64::NAN)).is_none());
+        assert!(cholesky::factor(spoilt.clone()).is_none() && factorised(|| spoilt.clone()).is_some());
+        assert!(factorised(|| Mat::from_fn(2, 2, |_, _| f64::NAN)).is_none());
     }
 
     #[test]
