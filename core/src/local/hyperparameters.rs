@@ -136,11 +136,7 @@ impl Problem<'_> {
     }
 
     /// The process where sensors are as good as expected, with the amplitude that the touches support.
-    pub(super) fn with_default_noise(
-        &self,
-        first: &First,
-        observations: &mut [Observation],
-    ) -> Displacement {
+    pub(super) fn with_default_noise(&self, first: &First, observations: &mut [Observation]) -> Displacement {
         self.set_noise(observations, &Noise::default());
         self.supported(first, observations)
     }

@@ -251,12 +251,7 @@ impl Displacement {
         Self::of_factor(self.prior, Arc::new(places), factor, observations)
     }
 
-    fn of_factor(
-        prior: Prior,
-        places: Arc<Places>,
-        factor: Mat<f64>,
-        observations: &[Observation],
-    ) -> Self {
+    fn of_factor(prior: Prior, places: Arc<Places>, factor: Mat<f64>, observations: &[Observation]) -> Self {
         let mut solution = Mat::from_fn(observations.len(), 1, |row, _| observations[row].height_m);
         solve_lower_triangular_in_place(factor.as_ref(), solution.as_mut(), Par::Seq);
         let squared_size = solution.col(0).squared_norm_l2();
@@ -651,9 +646,8 @@ mod tests {
                 assert!((extended.evidence() / all.evidence() - 1.0).abs() < 1e-5);
                 let (means, deviations) = extended.predict(&places, places.len());
                 let (expected, expected_deviations) = all.predict(&places, places.len());
-                let differ = |a: &[f64], b: &[f64]| {
-                    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
-                };
+                let differ =
+                    |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
                 assert!(differ(&means, &expected) < 1e-7 && differ(&deviations, &expected_deviations) < 1e-6);
             }
         }

@@ -70,7 +70,9 @@ impl Part {
         bound.into_iter().for_each(|(block, others)| add(block, others));
         // What is outside costs nothing and pulls nowhere, as most of what is free does: of it only the points in the
         // boxes around the parts are looked at, and their derivatives only where one of them is inside.
-        for (block, others) in Block::packed(&free, |block, others| Self::near(&own, &limb_fields, block, others)) {
+        for (block, others) in
+            Block::packed(&free, |block, others| Self::near(&own, &limb_fields, block, others))
+        {
             let is_inside = |field: &Field<'_>| field.distances(&block.points).iter().any(|d| *d < 0.0);
             if others.iter().any(|d| *d < 0.0) || is_inside(&own) || limb_fields.iter().any(is_inside) {
                 add(&block, &others);

@@ -61,7 +61,10 @@ impl Block {
                 if filled == LANES {
                     // Until it is full, all of its points are this one, without weight.
                     let points = block.points.map(|axis| [axis[lane]; LANES]);
-                    packed.push((Self { side: block.side, points, squares: [0.0; LANES] }, [numbers[lane]; LANES]));
+                    packed.push((
+                        Self { side: block.side, points, squares: [0.0; LANES] },
+                        [numbers[lane]; LANES],
+                    ));
                     filled = 0;
                 }
                 if let Some((last, last_numbers)) = packed.last_mut() {
