@@ -3,7 +3,7 @@
     pip install numpy scipy trimesh rtree
     python core/benches/contact_step.py
 
-Builds and runs `core/examples/contact_step.rs`, which prints its attractors and the processor time of its last
+Builds and runs `core/examples/contact_step.rs`, which prints its attractors and the time of its last
 steps, then does the same step in Python with the libraries as they are meant to be used: what depends on the
 icosphere alone is computed once, every loop over points is one call. Prints the times and their ratio.
 """

@@ -7,6 +7,7 @@
 //! standard deviation beside each height: one [`Raised`] for all of it.
 
 mod affine;
+mod cholesky;
 mod doubts;
 pub(crate) mod hyperparameters;
 mod kernel;
@@ -117,7 +118,7 @@ pub(crate) fn condition(
         declared: config.symmetry,
         stages: &config.stages,
     };
-    let first = problem(&evidence.measured).first(&mut measured);
+    let first = problem(&evidence.measured).first(&measured);
     let attractors = if config.stages.doubts {
         doubts::found(&problem(&evidence.measured), &first, &mut measured)
     } else {
@@ -159,18 +160,34 @@ impl Conditioned {
     /// heights finer, and are left out of its deviations. Every fit is judged without; only what is kept is raised.
     pub(crate) fn raise(self, surface: &TemplateSurface, detail: &[Attractor]) -> Raised {
         let vertices = surface.vertices();
-        let (mut heights_m, deviations_m) = self.process.predict(&vertices);
+        let (mut heights_m, deviations_m) = self.process.predict(&vertices, vertices.len());
         if !detail.is_empty() {
             heights_m = self.detailed(surface, detail).means_m(&vertices);
         }
         let Self { process, residual_m, hyperparameters, .. } = self;
         Raised {
             heights_m,
-            std_m: deviations_m.iter().map(|m| Calibration::FITTED.stated_m(*m)).collect(),
+            std_m: stated_m(&deviations_m),
             residual_m,
             process: VertexProcess::new(process, vertices, deviations_m),
             hyperparameters,
         }
+    }
+
+    /// Heights and calibrated standard deviations of the vertices as [`Self::raise`] finds them, the deviations of the
+    /// first ones only.
+    pub(crate) fn outline(
+        &self,
+        surface: &TemplateSurface,
+        detail: &[Attractor],
+        deviating: usize,
+    ) -> (Vec<f64>, Vec<f64>) {
+        let vertices = surface.vertices();
+        let (mut heights_m, deviations_m) = self.process.predict(&vertices, deviating);
+        if !detail.is_empty() {
+            heights_m = self.detailed(surface, detail).means_m(&vertices);
+        }
+        (heights_m, stated_m(&deviations_m))
     }
 
     /// The process conditioned on further touches as well.
@@ -183,6 +200,10 @@ impl Conditioned {
         let all: Vec<Observation> = self.measured.iter().copied().chain(further).collect();
         held_back(Displacement::fit(*self.process.prior(), &all), &all, &self.free).0
     }
+}
+
+fn stated_m(deviations_m: &[f64]) -> Vec<f64> {
+    deviations_m.iter().map(|m| Calibration::FITTED.stated_m(*m)).collect()
 }
 
 /// What each group of measurements is off by.
@@ -209,7 +230,7 @@ fn held_back(
         if observations.len() == before {
             break;
         }
-        process = Displacement::fit(*process.prior(), &observations);
+        process = process.extended(&observations);
     }
     (process, observations)
 }

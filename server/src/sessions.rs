@@ -45,7 +45,7 @@ pub(crate) use copying::{Carried, Copy, Original, Takeover};
 use live::{Head, Live, LiveSessions, Replayed, Room};
 use past::PastStates;
 use proof::Proven;
-pub(crate) use replay::FreshFold;
+pub(crate) use replay::{Entered, FreshFold};
 pub(crate) use retraction::Retractions;
 
 /// How often a change starts again when other processes append to the same session.

@@ -1,6 +1,7 @@
 //! A session as an MCAP recording, read by the descriptors in the file alone and held against the API.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use palpate_proto::v1;
 use palpate_proto::v1::ArchiveFormat::Mcap;
@@ -179,4 +180,29 @@ async fn a_recording_of_an_earlier_revision_ends_there_and_names_its_frame() {
         header(&crate::harness::accepted(http).await.unwrap(), "content-type"),
         "application/octet-stream"
     );
+}
+
+#[tokio::test]
+async fn a_recording_is_the_same_with_checkpoints_and_without_them() {
+    let server = Server::start().await;
+    let caller = server.grpc();
+    let next = caller.begin("mug").await;
+    let next = caller.go_on("mug", next, 5).await;
+    let reply = caller.report(report("mug", touch(&next, 0.02), "early")).await.unwrap();
+    caller.report(report("mug", miss(&reply.candidates[0]), "miss")).await.unwrap();
+    let retraction = v1::RetractEventRequest {
+        session_id: "mug".into(),
+        seq: 8,
+        reason: "cable".into(),
+        ..Default::default()
+    };
+    caller.retract(retraction).await.unwrap();
+    let expected = caller.export("mug", Mcap, 0).await.unwrap();
+    let server = server.restart().await;
+    assert_eq!(server.grpc().export("mug", Mcap, 0).await.unwrap(), expected, "with checkpoints");
+    let without = async |database: &Path| {
+        std::fs::remove_file(database.with_file_name("palpate.db-checkpoints")).unwrap();
+    };
+    let server = server.restart_after(without).await;
+    assert_eq!(server.grpc().export("mug", Mcap, 0).await.unwrap(), expected, "without checkpoints");
 }

@@ -134,7 +134,8 @@ mod tests {
         for symmetry in [Symmetry::None, Symmetry::Mirror([true, false, false])] {
             let frame = SymmetryFrame { centre: Point::origin(), axes: Rotation3::identity(), symmetry };
             let prior = Prior { length_m: 0.03, amplitude_m: 0.006, frame };
-            let deviations_m = |seen: &[Observation]| Displacement::fit(prior, seen).predict(&places).1;
+            let deviations_m =
+                |seen: &[Observation]| Displacement::fit(prior, seen).predict(&places, places.len()).1;
             let before = deviations_m(&seen);
             let process = VertexProcess::new(Displacement::fit(prior, &seen), places.clone(), before.clone());
             let (config, ledger) = (Config::default(), Ledger::default());

@@ -63,7 +63,7 @@ impl Icosphere {
                 })
                 .collect();
         }
-        let connectivity = Arc::new(Connectivity::new(faces, directions.len()));
+        let connectivity = Arc::new(Connectivity::new(faces, directions.len()).keeping_rings());
         Self { directions, connectivity }
     }
 }

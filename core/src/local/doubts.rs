@@ -10,7 +10,7 @@
 //!
 //! and its doubt is the share of the second, which a later touch nearby may take back.
 
-use super::hyperparameters::{Problem, nominal_m};
+use super::hyperparameters::{First, Problem, nominal_m};
 use super::noise::Noise;
 use super::process::{Displacement, Observation};
 use crate::evidence::DOUBTED;
@@ -42,7 +42,7 @@ const LEAST_TOUCHES: usize = 4;
 /// The attractors with their doubts, found anew from those that they come with.
 pub(super) fn found(
     problem: &Problem<'_>,
-    first: &Displacement,
+    first: &First,
     observations: &mut [Observation],
 ) -> Vec<Attractor> {
     let mut attractors = problem.attractors.to_vec();

@@ -3,11 +3,13 @@
 //!
 //! Noise and symmetry are chosen anew in some fits only ([`Extras`]) and kept in between.
 
+use std::cell::RefCell;
+
 use nalgebra::Rotation3;
 use serde::{Deserialize, Serialize};
 
 use super::noise::Noise;
-use super::process::{Displacement, Observation, Prior};
+use super::process::{Displacement, Observation, Prepared, Prior};
 use crate::config::{DeclaredSymmetry, Stages};
 use crate::evidence::attractor::{Attractor, Provenance, Sense};
 use crate::fingerprint::Fingerprint;
@@ -81,6 +83,15 @@ impl Hyperparameters {
     }
 }
 
+/// A process without symmetry that is prepared for its measurements, with what was found for it so far.
+#[derive(Debug)]
+pub(super) struct First {
+    prepared: Prepared,
+    /// Processes with the amplitude that the touches support, by the noise of the measurements and the amplitude that
+    /// was expected: the same noise is tried while doubts are found, while noises are compared, and at last.
+    supported: RefCell<Vec<(Vec<f64>, Displacement)>>,
+}
+
 /// What the hyperparameters are chosen for.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Problem<'a> {
@@ -114,32 +125,41 @@ impl Problem<'_> {
         self.attractors.iter().filter(|a| a.sense == Sense::Touch).count()
     }
 
-    /// The process where sensors are as good as expected and nothing is known of the amplitude.
-    pub(super) fn first(&self, observations: &mut [Observation]) -> Displacement {
+    /// The process without symmetry, for measurements at some points.
+    pub(super) fn first(&self, observations: &[Observation]) -> First {
         let prior = Prior {
             length_m: self.length_m,
             amplitude_m: self.expected_m(),
             frame: self.frame(Symmetry::None),
         };
-        self.set_noise(observations, &Noise::default());
-        Displacement::fit(prior, observations)
+        First { prepared: Prepared::new(prior, observations), supported: RefCell::default() }
     }
 
-    /// The same with other doubts, and with the amplitude that the touches support.
-    pub(super) fn with_default_noise(
-        &self,
-        first: &Displacement,
-        observations: &mut [Observation],
-    ) -> Displacement {
+    /// The process where sensors are as good as expected, with the amplitude that the touches support.
+    pub(super) fn with_default_noise(&self, first: &First, observations: &mut [Observation]) -> Displacement {
         self.set_noise(observations, &Noise::default());
-        let first = first.refit(self.expected_m(), observations);
-        self.with_amplitude(&first, EXPECTED_COUNT, observations)
+        self.supported(first, observations)
+    }
+
+    /// The process with the amplitude that the touches support; where that was computed before, it is what it was.
+    fn supported(&self, first: &First, observations: &[Observation]) -> Displacement {
+        let expected_m = self.expected_m();
+        let question: Vec<f64> =
+            observations.iter().map(|observation| observation.noise_m).chain([expected_m]).collect();
+        let answered = first.supported.borrow().iter().find(|(other, _)| *other == question).cloned();
+        if let Some((_, process)) = answered {
+            return process;
+        }
+        let expected = first.prepared.given(expected_m, observations);
+        let process = self.with_amplitude(&first.prepared, &expected, EXPECTED_COUNT, observations);
+        first.supported.borrow_mut().push((question, process.clone()));
+        process
     }
 
     /// Conditions the process on the attractors' observations, whose noise is set here.
     pub(super) fn choose(
         &self,
-        first: &Displacement,
+        first: &First,
         observations: &mut [Observation],
         before: Option<&Hyperparameters>,
     ) -> (Displacement, Hyperparameters) {
@@ -150,16 +170,14 @@ impl Problem<'_> {
             noise = noise.improved(|guess| {
                 let mut guessed = observations.to_vec();
                 self.set_noise(&mut guessed, guess);
-                let fitted = first.refit(self.expected_m(), &guessed);
-                self.with_amplitude(&fitted, EXPECTED_COUNT, &guessed).evidence()
+                self.supported(first, &guessed).evidence()
             });
             self.set_noise(observations, &noise);
         }
 
-        let alone = first.refit(self.expected_m(), observations);
-        let alone = self.with_amplitude(&alone, EXPECTED_COUNT, observations);
-        let alone = self.with_amplitude(&alone, EXPECTED_COUNT, observations);
-        let process = self.with_symmetry(alone, touches, observations, before);
+        let alone = self.supported(first, observations);
+        let alone = self.with_amplitude(&first.prepared, &alone, EXPECTED_COUNT, observations);
+        let process = self.with_symmetry(&first.prepared, alone, touches, observations, before);
         let symmetry = process.prior().frame.symmetry;
         (process, Hyperparameters { noise, symmetry, axes: self.shape.body.base_from_template })
     }
@@ -178,6 +196,7 @@ impl Problem<'_> {
     /// it is hardly displaced there says nothing about the other side.
     fn with_amplitude(
         &self,
+        prepared: &Prepared,
         process: &Displacement,
         expected_count: f64,
         observations: &[Observation],
@@ -191,7 +210,7 @@ impl Problem<'_> {
         let squares_m2 = f64::max(squares, 0.0) * process.prior().amplitude_m.powi(2);
         let expected_m2 = expected_count * self.expected_m().powi(2);
         let variance_m2 = (expected_m2 + squares_m2) / (expected_count + count);
-        process.refit(variance_m2.sqrt().min(LARGEST_M), observations)
+        prepared.given(variance_m2.sqrt().min(LARGEST_M), observations)
     }
 
     /// Whether the template has the symmetry, or the caller vouches for it: on a body that has not,
@@ -203,6 +222,7 @@ impl Problem<'_> {
     /// The process with the symmetry under which the measurements are clearly the most likely.
     fn with_symmetry(
         &self,
+        prepared: &Prepared,
         alone: Displacement,
         touches: usize,
         observations: &[Observation],
@@ -227,15 +247,21 @@ impl Problem<'_> {
         if possible.is_empty() {
             return alone;
         }
-        let compared = |process: &Displacement| self.with_amplitude(process, COMPARED_COUNT, observations);
-        let plain = compared(&compared(&alone));
-        let processes =
-            possible.into_iter().map(|symmetry| plain.with_symmetry(self.frame(symmetry), observations));
-        match processes.max_by(|a, b| a.evidence().total_cmp(&b.evidence())) {
-            Some(best) => {
-                let best = compared(&compared(&best));
+        let compared = |prepared: &Prepared, process: &Displacement| {
+            self.with_amplitude(prepared, process, COMPARED_COUNT, observations)
+        };
+        let plain = compared(prepared, &compared(prepared, &alone));
+        let amplitude_m = plain.prior().amplitude_m;
+        let processes = possible.into_iter().map(|symmetry| {
+            let symmetric = prepared.with_symmetry(self.frame(symmetry));
+            let process = symmetric.given(amplitude_m, observations);
+            (symmetric, process)
+        });
+        match processes.max_by(|(_, a), (_, b)| a.evidence().total_cmp(&b.evidence())) {
+            Some((symmetric, best)) => {
+                let best = compared(&symmetric, &compared(&symmetric, &best));
                 if best.evidence() > plain.evidence() + margin {
-                    self.with_amplitude(&best, EXPECTED_COUNT, observations)
+                    self.with_amplitude(&symmetric, &best, EXPECTED_COUNT, observations)
                 } else {
                     alone
                 }

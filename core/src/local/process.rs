@@ -7,18 +7,19 @@
 use std::sync::Arc;
 
 use faer::linalg::matmul::matmul;
-use faer::linalg::solvers::{Llt, Solve};
 use faer::linalg::triangular_inverse::invert_lower_triangular;
-use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
-use faer::{Accum, Col, Mat, Par, Scale, Side};
+use faer::linalg::triangular_solve::{solve_lower_triangular_in_place, solve_upper_triangular_in_place};
+use faer::{Accum, Mat, Par, Scale};
 
 use nalgebra::{DMatrix, DVector, Matrix3};
 
+use super::cholesky;
 use super::kernel::Known;
 use crate::evidence::RigidOffset;
 use crate::evidence::attractor::Rigid;
 use crate::geometry::{SurfacePoint, Vector};
 use crate::symmetry::{Symmetry, SymmetryFrame};
+use crate::vectorised::widest;
 
 /// Share of the prior variance common to symmetric points.
 const SYMMETRIC_SHARE: f64 = 0.9;
@@ -122,12 +123,13 @@ impl Places {
     }
 }
 
-/// What of some measurements depends neither on the amplitude nor on the noise: their points with their
-/// correlations, and the variance that they share.
-#[derive(Debug)]
-struct Gram {
-    points: Vec<SurfacePoint>,
-    places: Places,
+/// A process for some measurements before they are weighed: what depends neither on its amplitude nor on their noise
+/// is computed once, and it is conditioned with many of both.
+#[derive(Clone, Debug)]
+pub struct Prepared {
+    prior: Prior,
+    points: Arc<Vec<SurfacePoint>>,
+    places: Arc<Places>,
     /// Correlations of the points themselves, whatever the symmetry.
     plain: Arc<Mat<f32>>,
     /// Correlations with the share of the symmetry.
@@ -136,8 +138,9 @@ struct Gram {
     rigid: Arc<Mat<f64>>,
 }
 
-impl Gram {
-    fn new(prior: &Prior, observations: &[Observation]) -> Self {
+impl Prepared {
+    /// Prepares the points of some measurements; the prior's amplitude does not matter.
+    pub fn new(prior: Prior, observations: &[Observation]) -> Self {
         let points: Vec<SurfacePoint> = observations.iter().map(|o| o.at).collect();
         let count = points.len();
         let mut plain = Mat::zeros(count, count);
@@ -148,16 +151,23 @@ impl Gram {
                 rigid[(row, column)] = observations[row].shared_variance(other);
             }
         }
-        Self::symmetric(prior, points, Arc::new(plain), Arc::new(rigid))
+        Self::symmetric(prior, Arc::new(points), Arc::new(plain), Arc::new(rigid))
+    }
+
+    /// The same under another symmetry.
+    pub fn with_symmetry(&self, frame: SymmetryFrame) -> Self {
+        let Self { prior, points, plain, rigid, .. } = self;
+        let prior = Prior { frame, ..*prior };
+        Self::symmetric(prior, Arc::clone(points), Arc::clone(plain), Arc::clone(rigid))
     }
 
     fn symmetric(
-        prior: &Prior,
-        points: Vec<SurfacePoint>,
+        prior: Prior,
+        points: Arc<Vec<SurfacePoint>>,
         plain: Arc<Mat<f32>>,
         rigid: Arc<Mat<f64>>,
     ) -> Self {
-        let places = Places::new(prior, &points);
+        let places = Arc::new(Places::new(&prior, &points));
         let (own, shared) = prior.shares();
         let correlation = if shared > 0.0 {
             let representatives = prior.frame.representatives(&points);
@@ -172,7 +182,31 @@ impl Gram {
         } else {
             Arc::clone(&plain)
         };
-        Self { points, places, plain, correlation, rigid }
+        Self { prior, points, places, plain, correlation, rigid }
+    }
+
+    /// Conditions the process with an amplitude, in metres, on the measurements with the noise that they have now.
+    pub fn given(&self, amplitude_m: f64, observations: &[Observation]) -> Displacement {
+        let (prior, places) = (Prior { amplitude_m, ..self.prior }, Arc::clone(&self.places));
+        let count = observations.len();
+        let variance = amplitude_m * amplitude_m;
+        let system = || {
+            let mut system = Mat::zeros(count, count);
+            for column in 0..count {
+                let below =
+                    (self.correlation.col_as_slice(column).iter().zip(self.rigid.col_as_slice(column)))
+                        .zip(system.col_as_slice_mut(column));
+                for ((correlation, rigid), entry) in below.skip(column) {
+                    *entry = variance * f64::from(*correlation) + rigid;
+                }
+                system[(column, column)] += observations[column].noise_m.powi(2) + prior.jitter();
+            }
+            system
+        };
+        match factorised(system) {
+            Some(factor) => Displacement::of_factor(prior, places, factor, observations),
+            None => Displacement::unconditioned(prior, places, count),
+        }
     }
 }
 
@@ -180,9 +214,10 @@ impl Gram {
 #[derive(Clone, Debug)]
 pub struct Displacement {
     prior: Prior,
-    gram: Arc<Gram>,
+    places: Arc<Places>,
     weights: Vec<f64>,
-    factor: Mat<f64>,
+    /// `L`, where `L Lᵀ` is the matrix of the measurements' covariances.
+    factor: Arc<Mat<f64>>,
     /// `dᵀ K⁻¹ d`: the squared size of the measurements in units of what was expected.
     squared_size: f64,
 }
@@ -190,57 +225,54 @@ pub struct Displacement {
 impl Displacement {
     /// Conditions the process on measurements.
     pub fn fit(prior: Prior, observations: &[Observation]) -> Self {
-        Self::conditioned(prior, Arc::new(Gram::new(&prior, observations)), observations)
+        Prepared::new(prior, observations).given(prior.amplitude_m, observations)
     }
 
-    /// The same process with another amplitude, or for measurements at the same points with another
-    /// noise.
-    pub fn refit(&self, amplitude_m: f64, observations: &[Observation]) -> Self {
-        Self::conditioned(Prior { amplitude_m, ..self.prior }, Arc::clone(&self.gram), observations)
-    }
-
-    /// The same process under another symmetry.
-    pub fn with_symmetry(&self, frame: SymmetryFrame, observations: &[Observation]) -> Self {
-        let prior = Prior { frame, ..self.prior };
-        let Gram { points, plain, rigid, .. } = &*self.gram;
-        let gram = Gram::symmetric(&prior, points.clone(), Arc::clone(plain), Arc::clone(rigid));
-        Self::conditioned(prior, Arc::new(gram), observations)
-    }
-
-    fn conditioned(prior: Prior, gram: Arc<Gram>, observations: &[Observation]) -> Self {
-        let count = observations.len();
-        let variance = prior.amplitude_m * prior.amplitude_m;
-        let mut system = Mat::zeros(count, count);
-        for column in 0..count {
-            let below = (gram.correlation.col_as_slice(column).iter().zip(gram.rigid.col_as_slice(column)))
-                .zip(system.col_as_slice_mut(column));
-            for ((correlation, rigid), entry) in below.skip(column) {
-                *entry = variance * f64::from(*correlation) + rigid;
-            }
-            system[(column, column)] += observations[column].noise_m.powi(2) + prior.jitter();
+    /// The process that is also conditioned on further measurements, the last of all that are given; none of them
+    /// has an offset that it shares with others. Its factor is this one's with more rows.
+    pub fn extended(&self, observations: &[Observation]) -> Self {
+        let (known, count) = (self.weights.len(), observations.len());
+        let points: Vec<SurfacePoint> = observations.iter().map(|o| o.at).collect();
+        let places = Places::new(&self.prior, &points);
+        let cross = places.covariance(&self.prior, count, &points[known..]);
+        let mut beside = Mat::from_fn(known, count - known, |row, column| f64::from(cross[(row, column)]));
+        solve_lower_triangular_in_place((*self.factor).as_ref(), beside.as_mut(), Par::Seq);
+        let mut left =
+            Mat::from_fn(count - known, count - known, |row, column| f64::from(cross[(known + row, column)]));
+        for (at, observation) in observations[known..].iter().enumerate() {
+            left[(at, at)] += self.noise_variance(observation);
         }
-        let measured = Col::from_fn(count, |row| observations[row].height_m);
-        let Some(factor) = factorised(system) else { return Self::unconditioned(prior, gram, count) };
-        let solution = factor.solve(&measured);
-        let squared_size: f64 = measured.iter().zip(solution.iter()).map(|(d, w)| d * w).sum();
+        matmul(left.as_mut(), Accum::Add, beside.transpose(), beside.as_ref(), -1.0, Par::Seq);
+        let Some(corner) = cholesky::factor(left) else { return Self::fit(self.prior, observations) };
+        let mut factor = Mat::zeros(count, count);
+        factor.as_mut().submatrix_mut(0, 0, known, known).copy_from(&*self.factor);
+        factor.as_mut().submatrix_mut(known, 0, count - known, known).copy_from(beside.transpose());
+        factor.as_mut().submatrix_mut(known, known, count - known, count - known).copy_from(&corner);
+        Self::of_factor(self.prior, Arc::new(places), factor, observations)
+    }
+
+    fn of_factor(prior: Prior, places: Arc<Places>, factor: Mat<f64>, observations: &[Observation]) -> Self {
+        let mut solution = Mat::from_fn(observations.len(), 1, |row, _| observations[row].height_m);
+        solve_lower_triangular_in_place(factor.as_ref(), solution.as_mut(), Par::Seq);
+        let squared_size = solution.col(0).squared_norm_l2();
         if !squared_size.is_finite() {
-            return Self::unconditioned(prior, gram, count);
+            return Self::unconditioned(prior, places, observations.len());
         }
-        let weights = solution.iter().copied().collect();
-        Self { prior, gram, weights, factor: factor.L().to_owned(), squared_size }
+        solve_upper_triangular_in_place(factor.transpose(), solution.as_mut(), Par::Seq);
+        let weights = solution.col_as_slice(0).to_vec();
+        Self { prior, places, weights, factor: Arc::new(factor), squared_size }
     }
 
     /// The process that its measurements say nothing about, as they are no numbers that can be computed with: the
     /// template stays what it is, and nothing is less likely.
-    fn unconditioned(prior: Prior, gram: Arc<Gram>, count: usize) -> Self {
-        let factor = Mat::identity(count, count);
-        Self { prior, gram, weights: vec![0.0; count], factor, squared_size: f64::INFINITY }
+    fn unconditioned(prior: Prior, places: Arc<Places>, count: usize) -> Self {
+        let factor = Arc::new(Mat::identity(count, count));
+        Self { prior, places, weights: vec![0.0; count], factor, squared_size: f64::INFINITY }
     }
 
-    /// What its matrices take in memory, in bytes: correlations, with and without symmetry, and the factor.
+    /// What its factor takes in memory, in bytes.
     pub(crate) fn bytes(&self) -> usize {
-        let count = self.weights.len();
-        count * count * (2 * size_of::<f32>() + size_of::<f64>())
+        self.weights.len().pow(2) * size_of::<f64>()
     }
 
     /// What it was conditioned with.
@@ -315,7 +347,7 @@ impl Displacement {
             }
         }
         let deviation = |mut cross: Mat<f64>, variance: f64| {
-            solve_lower_triangular_in_place(self.factor.as_ref(), cross.as_mut(), Par::Seq);
+            solve_lower_triangular_in_place((*self.factor).as_ref(), cross.as_mut(), Par::Seq);
             let product = |i, j| cross.col(i).iter().zip(cross.col(j).iter()).map(|(a, b)| a * b).sum();
             let left = Matrix3::identity() * variance - Matrix3::from_fn(product);
             left.symmetric_eigenvalues().max().max(0.0).sqrt()
@@ -356,18 +388,21 @@ impl Displacement {
         points.chunks(BLOCK).flat_map(|points| self.weighted(&self.cross(points))).collect()
     }
 
-    /// Expected displacements and their standard deviations at many points, in metres.
-    pub fn predict(&self, points: &[SurfacePoint]) -> (Vec<f64>, Vec<f64>) {
+    /// Expected displacements at many points, and their standard deviations at the first `deviating` of them,
+    /// in metres.
+    pub fn predict(&self, points: &[SurfacePoint], deviating: usize) -> (Vec<f64>, Vec<f64>) {
         let (own, shared) = self.prior.variances();
         let explaining = self.explaining();
         let (mut means, mut deviations) = (Vec::new(), Vec::new());
-        for points in points.chunks(BLOCK) {
+        let (deviating, others) = points.split_at(deviating.min(points.len()));
+        for points in deviating.chunks(BLOCK) {
             let cross = self.cross(points);
             means.extend(self.weighted(&cross));
             let explained = explain(&explaining, &cross);
             let left = |column: usize| own + shared - f64::from(explained.col(column).squared_norm_l2());
             deviations.extend((0..points.len()).map(|column| left(column).max(0.0).sqrt()));
         }
+        means.extend(self.means_m(others));
         (means, deviations)
     }
 
@@ -382,13 +417,11 @@ impl Displacement {
 
     /// Covariances of the measurements (rows) with the displacements at some points (columns).
     fn cross(&self, points: &[SurfacePoint]) -> Mat<f32> {
-        self.gram.places.covariance(&self.prior, self.weights.len(), points)
+        self.places.covariance(&self.prior, self.weights.len(), points)
     }
 
     fn weighted(&self, cross: &Mat<f32>) -> Vec<f64> {
-        let mean =
-            |column: usize| cross.col(column).iter().zip(&self.weights).map(|(k, w)| f64::from(*k) * w).sum();
-        (0..cross.ncols()).map(mean).collect()
+        (0..cross.ncols()).map(|column| weighted_sum(cross.col_as_slice(column), &self.weights)).collect()
     }
 
     /// `L⁻¹` in single precision: by products with it, which are faster than solutions, [`explain`] finds what
@@ -397,6 +430,26 @@ impl Displacement {
         let inverse = self.inverse_factor(0);
         Mat::from_fn(inverse.nrows(), inverse.ncols(), |row, column| inverse[(row, column)] as f32)
     }
+}
+
+/// The sum of products, many at a time.
+fn weighted_sum(numbers: &[f32], weights: &[f64]) -> f64 {
+    const LANES: usize = 16;
+    widest(
+        #[inline(always)]
+        || {
+            let mut sums = [0.0_f64; LANES];
+            let (numbers, weights) = (numbers.chunks_exact(LANES), weights.chunks_exact(LANES));
+            let rest = numbers.remainder().iter().zip(weights.remainder());
+            let rest: f64 = rest.map(|(k, w)| f64::from(*k) * w).sum();
+            for (numbers, weights) in numbers.zip(weights) {
+                for lane in 0..LANES {
+                    sums[lane] = f64::from(numbers[lane]).mul_add(weights[lane], sums[lane]);
+                }
+            }
+            sums.iter().sum::<f64>() + rest
+        },
+    )
 }
 
 /// `L⁻¹ C`: columns whose squared length is the variance that the measurements explain.
@@ -415,18 +468,23 @@ fn explain(inverse: &Mat<f32>, cross: &Mat<f32>) -> Mat<f32> {
 
 /// The Cholesky factor of a kernel matrix with noise. It is positive definite but for rounding, against which more
 /// and more is added to its diagonal; nothing where its entries are no numbers.
-fn factorised(mut system: Mat<f64>) -> Option<Llt<f64>> {
-    if let Ok(factor) = system.llt(Side::Lower) {
+fn factorised(system: impl Fn() -> Mat<f64>) -> Option<Mat<f64>> {
+    if let Some(factor) = cholesky::factor(system()) {
         return Some(factor);
     }
-    let largest = system.diagonal().column_vector().iter().fold(0.0, |most, entry| f64::max(most, *entry));
-    let mut added = FIRST_ADDED * largest.max(f64::MIN_POSITIVE);
+    let system = system();
+    let diagonal = || system.diagonal().column_vector();
+    let largest = diagonal().iter().fold(0.0, |most, entry| f64::max(most, *entry));
+    let mut added = 0.0;
+    let mut more = FIRST_ADDED * largest.max(f64::MIN_POSITIVE);
     for _ in 0..ADDITIONS {
-        (0..system.nrows()).for_each(|at| system[(at, at)] += added);
-        if let Ok(factor) = system.llt(Side::Lower) {
+        added += more;
+        let mut raised = system.clone();
+        (0..system.nrows()).for_each(|at| raised[(at, at)] += added);
+        if let Some(factor) = cholesky::factor(raised) {
             return Some(factor);
         }
-        added *= 10.0;
+        more *= 10.0;
     }
     None
 }
@@ -462,7 +520,7 @@ mod tests {
     #[test]
     fn measurements_are_met_and_far_from_them_the_template_returns() {
         let process = Displacement::fit(prior(Symmetry::None), &[observation(&Vector::x_axis(), 0.004)]);
-        let at = |d: Direction| process.predict(&[place(&d)]);
+        let at = |d: Direction| process.predict(&[place(&d)], 1);
         let (mean, deviation) = at(Vector::x_axis());
         assert!((mean[0] - 0.004).abs() < 1e-6 && deviation[0] < 2e-5);
         let (mean, deviation) = at(-Vector::x_axis());
@@ -478,7 +536,7 @@ mod tests {
             let process = Displacement::fit(prior, &seen);
             assert!(process.evidence() < 0.0, "{height_m} {length_m}");
             if length_m > 0.0 {
-                let (mean, deviation) = process.predict(&[place(&Vector::z_axis())]);
+                let (mean, deviation) = process.predict(&[place(&Vector::z_axis())], 1);
                 assert_eq!((mean[0], deviation[0].is_finite()), (0.0, true), "{height_m} {length_m}");
             }
         }
@@ -488,8 +546,8 @@ mod tests {
     fn a_matrix_that_rounding_has_spoilt_is_mended_by_its_diagonal() {
         // Its eigenvalues are 2 and -1e-7.
         let spoilt = Mat::from_fn(2, 2, |row, column| if row == column { 1.0 } else { 1.0 + 1e-7 });
-        assert!(spoilt.llt(Side::Lower).is_err() && factorised(spoilt).is_some());
-        assert!(factorised(Mat::from_fn(2, 2, |_, _| f64::NAN)).is_none());
+        assert!(cholesky::factor(spoilt.clone()).is_none() && factorised(|| spoilt.clone()).is_some());
+        assert!(factorised(|| Mat::from_fn(2, 2, |_, _| f64::NAN)).is_none());
     }
 
     #[test]
@@ -498,7 +556,7 @@ mod tests {
         let places = places();
         for symmetry in [Symmetry::None, Symmetry::Revolution(2), Symmetry::Mirror([true, false, true])] {
             let process = Displacement::fit(prior(symmetry), &seen);
-            let (_, deviations) = process.predict(&places);
+            let (_, deviations) = process.predict(&places, places.len());
             let covariance = process.covariance(&places[..30], &places);
             for row in 0..30 {
                 assert!((f64::from(covariance[(row, row)]) - deviations[row].powi(2)).abs() < 1e-10);
@@ -518,10 +576,10 @@ mod tests {
                 Observation { noise_m: 0.0005, ..observation(d, 0.002 * (5.0 * d.x + d.z).sin() + scatter_m) }
             })
             .collect();
-        let first = Displacement::fit(prior(Symmetry::None), &seen);
+        let first = Prepared::new(prior(Symmetry::None), &seen);
         let amplitudes_m = (0..400).map(|step| 0.0003 * 1.01_f64.powi(step));
         let most_likely = amplitudes_m
-            .map(|amplitude_m| first.refit(amplitude_m, &seen))
+            .map(|amplitude_m| first.given(amplitude_m, &seen))
             .max_by(|a, b| a.evidence().total_cmp(&b.evidence()))
             .unwrap();
         let shares = most_likely.determined(&seen, 0);
@@ -560,20 +618,39 @@ mod tests {
     }
 
     #[test]
-    fn a_refit_is_a_fit() {
+    fn what_was_prepared_gives_what_a_fit_does() {
         let seen: Vec<Observation> =
             directions().iter().step_by(60).map(|d| observation(d, 0.003 * d.x)).collect();
         let noisier: Vec<Observation> = seen.iter().map(|o| Observation { noise_m: 0.001, ..*o }).collect();
         let larger = Prior { amplitude_m: 0.02, ..prior(Symmetry::Revolution(0)) };
         let fresh = Displacement::fit(larger, &noisier);
-        let again = Displacement::fit(prior(Symmetry::Revolution(0)), &seen).refit(0.02, &noisier);
+        let again = Prepared::new(prior(Symmetry::Revolution(0)), &seen).given(0.02, &noisier);
         assert_eq!((fresh.evidence(), &fresh.weights), (again.evidence(), &again.weights));
-        let representatives = Displacement::fit(prior(Symmetry::None), &seen).refit(0.02, &noisier);
-        let representatives = representatives.with_symmetry(larger.frame, &noisier);
-        assert_eq!(
-            (fresh.evidence(), &fresh.weights),
-            (representatives.evidence(), &representatives.weights)
-        );
+        let symmetric = Prepared::new(prior(Symmetry::None), &seen).with_symmetry(larger.frame);
+        let symmetric = symmetric.given(0.02, &noisier);
+        assert_eq!((fresh.evidence(), &fresh.weights), (symmetric.evidence(), &symmetric.weights));
+    }
+
+    #[test]
+    fn a_process_that_is_extended_is_the_one_of_all_measurements() {
+        let seen: Vec<Observation> = directions()
+            .iter()
+            .step_by(7)
+            .map(|d| Observation { noise_m: 0.0005, ..observation(d, 0.003 * (4.0 * d.x + d.y).sin()) })
+            .collect();
+        let places = places();
+        for symmetry in [Symmetry::None, Symmetry::Revolution(2)] {
+            let all = Displacement::fit(prior(symmetry), &seen);
+            for known in [seen.len() - 1, seen.len() / 2, 1] {
+                let extended = Displacement::fit(prior(symmetry), &seen[..known]).extended(&seen);
+                assert!((extended.evidence() / all.evidence() - 1.0).abs() < 1e-5);
+                let (means, deviations) = extended.predict(&places, places.len());
+                let (expected, expected_deviations) = all.predict(&places, places.len());
+                let differ =
+                    |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+                assert!(differ(&means, &expected) < 1e-7 && differ(&deviations, &expected_deviations) < 1e-6);
+            }
+        }
     }
 
     #[test]
@@ -583,7 +660,7 @@ mod tests {
         let mut before = vec![f64::INFINITY; places.len()];
         for direction in directions().iter().step_by(30) {
             seen.push(observation(direction, 0.001));
-            let (_, after) = Displacement::fit(prior(Symmetry::None), &seen).predict(&places);
+            let (_, after) = Displacement::fit(prior(Symmetry::None), &seen).predict(&places, places.len());
             assert!(before.iter().zip(&after).all(|(before, after)| *after <= before + 5e-6));
             before = after;
         }

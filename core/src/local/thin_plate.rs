@@ -9,6 +9,7 @@ use faer::linalg::solvers::Solve;
 use faer::{Accum, Col, Mat, Par, Side};
 
 use super::affine::Affine;
+use super::cholesky;
 use crate::geometry::{Point, Vector};
 use crate::template::Projection;
 use crate::vectorised::{coarse_ln, widest};
@@ -44,23 +45,20 @@ impl ThinPlate {
         let centres: Vec<Vector> =
             projections.iter().map(|projection| scaled(&origin, &projection.foot.point.into())).collect();
         let heights = Col::from_fn(count, |row| projections[row].height_m);
-        let kernels = kernels(&centres);
         let affine = Affine::at(&centres);
         let (basis, of_basis) = (&affine.basis, affine.basis.transpose());
-        // K B, from what lies below the diagonal of K.
-        let mut bent = Mat::zeros(count, basis.ncols());
-        let (whole, below) = (BlockStructure::Rectangular, BlockStructure::TriangularLower);
-        let above = BlockStructure::StrictTriangularUpper;
-        matmul(&mut bent, whole, Accum::Replace, &kernels, below, basis, whole, 1.0, Par::Seq);
-        matmul(&mut bent, whole, Accum::Add, kernels.transpose(), above, basis, whole, 1.0, Par::Seq);
-        // (1 - B Bᵀ) K (1 - B Bᵀ) and the smoothing, which makes it positive definite.
-        let half = &bent - basis * (of_basis * &bent) * faer::Scale(0.5);
-        let mut system = kernels;
-        matmul(&mut system, below, Accum::Add, basis, whole, half.transpose(), whole, -1.0, Par::Seq);
-        matmul(&mut system, below, Accum::Add, &half, whole, of_basis, whole, -1.0, Par::Seq);
-        (0..count).for_each(|at| system[(at, at)] += SMOOTHING);
+        let (system, bent) = system(&centres, basis);
         let flat = of_basis * &heights;
-        let mut solution = solved(&system, &heights - basis * &flat);
+        let right = &heights - basis * &flat;
+        let mut solution = match cholesky::factor(system) {
+            Some(factor) => {
+                let mut solution = right;
+                cholesky::solve(&factor, solution.as_mat_mut());
+                solution
+            }
+            // Between centres kilometres apart kernels are so large that the smoothing is lost in their rounding.
+            None => self::system(&centres, basis).0.lblt(Side::Lower).solve(right),
+        };
         // Orthogonal to the affine functions but for rounding, which this takes away.
         solution -= basis * (of_basis * &solution);
         let shares = &flat - bent.transpose() * &solution;
@@ -144,13 +142,20 @@ fn kernels(centres: &[Vector]) -> Mat<f64> {
     kernels
 }
 
-/// The solution of a positive definite system, of which only what lies below the diagonal is read.
-fn solved(system: &Mat<f64>, right: Col<f64>) -> Col<f64> {
-    match system.llt(Side::Lower) {
-        Ok(factor) => factor.solve(right),
-        // Between centres kilometres apart kernels are so large that the smoothing is lost in their rounding.
-        Err(_) => system.lblt(Side::Lower).solve(right),
-    }
+/// `(1 - B Bᵀ) K (1 - B Bᵀ)` with the smoothing, which makes it positive definite, on the diagonal and below; and `K B`.
+fn system(centres: &[Vector], basis: &Mat<f64>) -> (Mat<f64>, Mat<f64>) {
+    let (mut system, of_basis) = (kernels(centres), basis.transpose());
+    // K B, from what lies below the diagonal of K.
+    let mut bent = Mat::zeros(centres.len(), basis.ncols());
+    let (whole, below) = (BlockStructure::Rectangular, BlockStructure::TriangularLower);
+    let above = BlockStructure::StrictTriangularUpper;
+    matmul(&mut bent, whole, Accum::Replace, &system, below, basis, whole, 1.0, Par::Seq);
+    matmul(&mut bent, whole, Accum::Add, system.transpose(), above, basis, whole, 1.0, Par::Seq);
+    let half = &bent - basis * (of_basis * &bent) * faer::Scale(0.5);
+    matmul(&mut system, below, Accum::Add, basis, whole, half.transpose(), whole, -1.0, Par::Seq);
+    matmul(&mut system, below, Accum::Add, &half, whole, of_basis, whole, -1.0, Par::Seq);
+    (0..centres.len()).for_each(|at| system[(at, at)] += SMOOTHING);
+    (system, bent)
 }
 
 fn scaled(origin: &Point, point: &Point) -> Vector {

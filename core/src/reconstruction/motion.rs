@@ -40,7 +40,7 @@ const SWEPT_M: f64 = 0.003;
 /// Residuals beyond this many deviations count less and less (Cauchy's loss).
 const ROBUST: f64 = 2.0;
 /// Vertices that are looked at: an icosphere begins with those of the coarser ones, and these lie evenly.
-const VERTICES: usize = 642;
+pub(super) const VERTICES: usize = 642;
 /// Steps of each descent.
 const STEPS: usize = 12;
 /// A motion has to lay them better by this much than none, in nats.

@@ -173,10 +173,11 @@ impl Scene<'_> {
         let Some(first) = since.first() else { return Vec::new() };
         let earlier = ledger.until(*first);
         let known = Scene { ledger: &earlier, start: None, extras: Extras::of_fit(1), ..*self }.fit(reading);
-        let raised = known.conditioned.raise(&known.surface, &known.evidence.detail);
-        let mesh = known.surface.raised(&raised.heights_m);
+        let (heights_m, std_m) =
+            known.conditioned.outline(&known.surface, &known.evidence.detail, motion::VERTICES);
+        let mesh = known.surface.raised(&heights_m);
         let normals = mesh.vertex_normals();
-        let known = motion::Known::new(&mesh.vertices, &normals, &raised.std_m);
+        let known = motion::Known::new(&mesh.vertices, &normals, &std_m);
         let found = motion::found(reading, ledger, &known, &since);
         let level = found.as_ref().and_then(|motion| motion::level(motion, ledger));
         let is_new =

@@ -7,7 +7,7 @@ use nalgebra::SMatrix;
 
 use super::distances::Distances;
 use super::fit_data::FitData;
-use super::least_squares::NormalEquations;
+use super::least_squares::{NormalEquations, Slopes};
 use super::part::{Freedom, Part, Row};
 use super::samples::Side;
 
@@ -25,11 +25,12 @@ const HELD: f64 = 1e9;
 impl Part {
     /// What the points of the surface that this part is nearest to say about its parameters.
     fn information(&self, data: &FitData, others: &Distances) -> Freedom {
-        let (mut equations, field) = (NormalEquations::zero(), self.field());
+        let (mut equations, mut slopes, field) = (NormalEquations::zero(), Slopes::zero(), self.field());
         for (block, others) in data.blocks.iter().zip(&others.blocks).filter(|(b, _)| b.side == Side::Surface)
         {
-            equations.add_nearest(block, &field.linearised(&block.points), others);
+            slopes.add_nearest(block, &field.linearised(&block.points), others);
         }
+        equations.add_slopes(&slopes);
         equations.hessian
     }
 

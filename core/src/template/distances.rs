@@ -16,7 +16,9 @@ impl Distances {
     pub(super) fn to<'a>(parts: impl Iterator<Item = &'a Part>, data: &FitData) -> Self {
         let parts: Vec<Field<'_>> = parts.map(Part::field).collect();
         let nearest = |points: &[Lanes; 3], side: Side| {
-            let near = parts.iter().filter(|part| side != Side::Outside || !part.is_beyond(points));
+            let is_near =
+                |part: &&Field<'_>| side != Side::Outside || !part.beyond(points).iter().all(|b| *b);
+            let near = parts.iter().filter(is_near);
             near.map(|part| part.distances(points)).fold([f64::INFINITY; LANES], |least, other| {
                 std::array::from_fn(|lane| least[lane].min(other[lane]))
             })

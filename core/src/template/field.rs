@@ -74,14 +74,23 @@ impl Field<'_> {
         found
     }
 
-    /// Whether all points of a block are outside the box around the part, and so outside: cheaper than their
-    /// residuals.
-    pub(super) fn is_beyond(&self, points: &[Lanes; 3]) -> bool {
-        (0..LANES).all(|lane| {
-            let point = Vector::new(points[0][lane], points[1][lane], points[2][lane]);
-            let local = self.part.rotation.inverse_transform_vector(&(point - self.part.centre));
-            (0..3).any(|axis| local[axis].abs() > self.axes[axis])
-        })
+    /// Which points of a block are outside the box around the part, and so outside: cheaper than their distances.
+    pub(super) fn beyond(&self, points: &[Lanes; 3]) -> [bool; LANES] {
+        let mut found = [false; LANES];
+        let (rotation, centre) = (rows_of(self.part), [0, 1, 2].map(|axis| self.part.centre[axis]));
+        let half = [0, 1, 2].map(|axis| self.axes[axis]);
+        widest(
+            #[inline(always)]
+            || {
+                for lane in 0..LANES {
+                    let point = [points[0][lane], points[1][lane], points[2][lane]];
+                    let local = local(&rotation, &centre, point);
+                    let is_beyond = |axis: usize| local[axis].abs() > half[axis];
+                    found[lane] = is_beyond(0) | is_beyond(1) | is_beyond(2);
+                }
+            },
+        );
+        found
     }
 }
 
@@ -89,6 +98,17 @@ impl Field<'_> {
 fn rows_of(part: &Part) -> [[f64; 3]; 3] {
     let matrix = part.rotation.matrix();
     std::array::from_fn(|row| std::array::from_fn(|column| matrix[(row, column)]))
+}
+
+/// A point along a part's axes, seen from its centre.
+#[inline(always)]
+fn local([r0, r1, r2]: &[[f64; 3]; 3], centre: &[f64; 3], point: [f64; 3]) -> [f64; 3] {
+    let [px, py, pz] = [point[0] - centre[0], point[1] - centre[1], point[2] - centre[2]];
+    [
+        r0[0] * px + r1[0] * py + r2[0] * pz,
+        r0[1] * px + r1[1] * py + r2[1] * pz,
+        r0[2] * px + r1[2] * py + r2[2] * pz,
+    ]
 }
 
 /// The residual of one point with its derivatives, in the order of [`Linearised::rows`].
@@ -101,12 +121,7 @@ fn residual_at(
     point: [f64; 3],
 ) -> (f64, [f64; 11]) {
     let [r0, r1, r2] = rotation;
-    let [px, py, pz] = [point[0] - centre[0], point[1] - centre[1], point[2] - centre[2]];
-    let local = [
-        r0[0] * px + r1[0] * py + r2[0] * pz,
-        r0[1] * px + r1[1] * py + r2[1] * pz,
-        r0[2] * px + r1[2] * py + r2[2] * pz,
-    ];
+    let local = local(rotation, centre, point);
     let y = [local[0] * inverse_axes[0], local[1] * inverse_axes[1], local[2] * inverse_axes[2]];
     let [value, by_x, by_y, by_z, by_e1, by_e2] = gauge(y, exponents, exp, ln);
     let slope = [by_x * inverse_axes[0], by_y * inverse_axes[1], by_z * inverse_axes[2]];

@@ -40,8 +40,42 @@ impl<const N: usize> NormalEquations<N> {
         }
     }
 
-    /// Adds the slopes of some residuals, each with its factor: `Jᵀ W r` and `Jᵀ W J`, but not their cost.
-    pub(crate) fn add_weighted<const L: usize>(
+    /// Adds the slopes of many residuals: `Jᵀ W r` and `Jᵀ W J`, but not their cost.
+    pub(crate) fn add_slopes(&mut self, slopes: &Slopes<N>) {
+        let sum = |[a, b, c, d]: [f64; LANES]| (a + b) + (c + d);
+        for first in 0..N {
+            self.gradient[first] += sum(slopes.gradient[first]);
+            for second in first..N {
+                let product = sum(slopes.hessian[first][second]);
+                self.hessian[(second, first)] += product;
+                if second > first {
+                    self.hessian[(first, second)] += product;
+                }
+            }
+        }
+    }
+}
+
+/// Sums that are made side by side.
+const LANES: usize = 4;
+
+/// `Jᵀ W r` and `Jᵀ W J` of many residuals, each number still in as many sums as are made side by side: they are
+/// added to each other once for all residuals, not for each block of them.
+#[derive(Clone, Debug)]
+pub(crate) struct Slopes<const N: usize> {
+    gradient: [[f64; LANES]; N],
+    /// On the diagonal and right of it.
+    hessian: [[[f64; LANES]; N]; N],
+}
+
+impl<const N: usize> Slopes<N> {
+    /// No residual yet.
+    pub(crate) fn zero() -> Self {
+        Self { gradient: [[0.0; LANES]; N], hessian: [[[0.0; LANES]; N]; N] }
+    }
+
+    /// Adds a block of residuals with their rows of the Jacobian, each with its factor.
+    pub(crate) fn add<const L: usize>(
         &mut self,
         residuals: &[f64; L],
         rows: &[[f64; L]; N],
@@ -55,13 +89,9 @@ impl<const N: usize> NormalEquations<N> {
                     for lane in 0..L {
                         weighted[lane] = row[lane] * factors[lane];
                     }
-                    self.gradient[first] += product(&weighted, residuals);
-                    for (second, other) in rows.iter().enumerate().skip(first) {
-                        let sum = product(&weighted, other);
-                        self.hessian[(second, first)] += sum;
-                        if second > first {
-                            self.hessian[(first, second)] += sum;
-                        }
+                    add_products(&mut self.gradient[first], &weighted, residuals);
+                    for (sums, other) in self.hessian[first].iter_mut().zip(rows).skip(first) {
+                        add_products(sums, &weighted, other);
                     }
                 }
             },
@@ -69,16 +99,16 @@ impl<const N: usize> NormalEquations<N> {
     }
 }
 
-/// The sum of products, four at a time.
+/// Adds products, as many at a time as there are sums.
 #[inline(always)]
-fn product<const L: usize>(a: &[f64; L], b: &[f64; L]) -> f64 {
-    let mut sums = [0.0; 4];
-    for four in 0..L / 4 {
-        for lane in 0..4 {
-            sums[lane] += a[4 * four + lane] * b[4 * four + lane];
+fn add_products<const L: usize>(sums: &mut [f64; LANES], a: &[f64; L], b: &[f64; L]) {
+    let mut added = *sums;
+    for from in (0..L).step_by(LANES) {
+        for lane in 0..LANES {
+            added[lane] = a[from + lane].mul_add(b[from + lane], added[lane]);
         }
     }
-    (sums[0] + sums[1]) + (sums[2] + sums[3])
+    *sums = added;
 }
 
 /// Huber's loss of a residual: half its square up to `threshold`, linear beyond.
@@ -156,5 +186,29 @@ mod tests {
             |p, step| p + step,
         );
         assert!((minimum.parameters - SVector::<f64, 2>::new(1.0, 1.0)).norm() < 1e-6);
+    }
+
+    #[test]
+    fn slopes_that_are_summed_side_by_side_are_those_of_residual_after_residual() {
+        let number = |seed: usize| f64::from(((seed * 7919) % 101) as u8) / 50.0 - 1.0;
+        let mut slopes = Slopes::<3>::zero();
+        let mut expected = NormalEquations::<3>::zero();
+        for block in 0..5 {
+            let residuals: [f64; 8] = std::array::from_fn(|lane| number(8 * block + lane));
+            let rows: [[f64; 8]; 3] = std::array::from_fn(|row| {
+                std::array::from_fn(|lane| number(1000 + 100 * row + 8 * block + lane))
+            });
+            let factors: [f64; 8] = std::array::from_fn(|lane| number(5000 + 8 * block + lane).powi(2));
+            slopes.add(&residuals, &rows, &factors);
+            for lane in 0..8 {
+                let weight = factors[lane].sqrt();
+                let row = SVector::<f64, 3>::from_fn(|row, _| weight * rows[row][lane]);
+                expected.add(weight * residuals[lane], &row);
+            }
+        }
+        let mut equations = NormalEquations::zero();
+        equations.add_slopes(&slopes);
+        assert!((equations.gradient - expected.gradient).norm() < 1e-12);
+        assert!((equations.hessian - expected.hessian).norm() < 1e-12);
     }
 }

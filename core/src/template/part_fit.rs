@@ -6,9 +6,9 @@
 //! known, and is the "repulsor" of the paper's future work.
 
 use super::distances::Distances;
-use super::field::Linearised;
+use super::field::{Field, Linearised};
 use super::fit_data::FitData;
-use super::least_squares::{Minimum, NormalEquations, minimise};
+use super::least_squares::{Minimum, NormalEquations, Slopes, minimise};
 use super::part::{Freedom, Part, Row};
 use super::samples::{Block, LANES, Lanes, Side};
 use crate::geometry::Vector;
@@ -57,23 +57,40 @@ impl Part {
     fn linearise(&self, limbs: &[Self], data: &FitData, others: &Distances) -> NormalEquations<11> {
         let limbs: Vec<Self> = limbs.iter().map(|limb| limb.clone().held_by(self)).collect();
         let (own, limb_fields) = (self.field(), limbs.iter().map(Self::field).collect::<Vec<_>>());
-        let mut equations = NormalEquations::zero();
-        for (block, others) in data.blocks.iter().zip(&others.blocks) {
-            let is_beyond = || {
-                own.is_beyond(&block.points) && limb_fields.iter().all(|limb| limb.is_beyond(&block.points))
-            };
-            if block.side == Side::Outside && is_beyond() {
-                equations.cost += block.cost(others).0;
-                continue;
-            }
+        let (mut equations, mut slopes) = (NormalEquations::zero(), Slopes::zero());
+        let mut add = |block: &Block, others: &Lanes| {
             let mut nearest = own.linearised(&block.points);
             limb_fields
                 .iter()
                 .for_each(|limb| nearest.or_limb(&limb.linearised(&block.points), limb.part, self));
-            equations.add_nearest(block, &nearest, others);
+            equations.cost += slopes.add_nearest(block, &nearest, others);
+        };
+        let (free, bound): (Vec<_>, Vec<_>) =
+            data.blocks.iter().zip(&others.blocks).partition(|(block, _)| block.side == Side::Outside);
+        bound.into_iter().for_each(|(block, others)| add(block, others));
+        // What is outside costs nothing and pulls nowhere, as most of what is free does: of it only the points in the
+        // boxes around the parts are looked at, and their derivatives only where one of them is inside.
+        for (block, others) in
+            Block::packed(&free, |block, others| Self::near(&own, &limb_fields, block, others))
+        {
+            let is_inside = |field: &Field<'_>| field.distances(&block.points).iter().any(|d| *d < 0.0);
+            if others.iter().any(|d| *d < 0.0) || is_inside(&own) || limb_fields.iter().any(is_inside) {
+                add(&block, &others);
+            }
         }
+        equations.add_slopes(&slopes);
         self.add_priors(&mut equations, &data.frame.centre);
         equations
+    }
+
+    /// Which free points of a block are in the box around this part or one of its limbs, or inside the others.
+    fn near(own: &Field<'_>, limbs: &[Field<'_>], block: &Block, others: &Lanes) -> [bool; LANES] {
+        let mut near = others.map(|distance| distance < 0.0);
+        for field in std::iter::once(own).chain(limbs) {
+            let beyond = field.beyond(&block.points);
+            (0..LANES).for_each(|lane| near[lane] |= !beyond[lane]);
+        }
+        near
     }
 
     fn add_priors(&self, equations: &mut NormalEquations<11>, expected_centre: &Vector) {
@@ -105,16 +122,18 @@ impl Linearised {
     }
 }
 
-impl NormalEquations<11> {
-    /// Adds a block of data. A union is as near as its nearest part; where that is one of the others, this one
-    /// changes nothing.
-    pub(super) fn add_nearest(&mut self, block: &Block, own: &Linearised, others: &Lanes) {
+impl Slopes<11> {
+    /// Adds a block of data, and returns what it costs. A union is as near as its nearest part; where that is one of
+    /// the others, this one changes nothing.
+    pub(super) fn add_nearest(&mut self, block: &Block, own: &Linearised, others: &Lanes) -> f64 {
         let residuals = std::array::from_fn(|lane| own.residual[lane].min(others[lane]));
         let (cost, mut slopes) = block.cost(&residuals);
         for lane in (0..LANES).filter(|lane| own.residual[*lane] > others[*lane]) {
             slopes[lane] = 0.0;
         }
-        self.cost += cost;
-        self.add_weighted(&residuals, &own.rows, &slopes);
+        if slopes.iter().any(|slope| *slope != 0.0) {
+            self.add(&residuals, &own.rows, &slopes);
+        }
+        cost
     }
 }

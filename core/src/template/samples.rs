@@ -47,6 +47,36 @@ impl Block {
         })
     }
 
+    /// What is left of blocks of one side where only some of their points are looked at, `chosen`: fewer blocks, each
+    /// with the numbers that come with its points.
+    pub(super) fn packed(
+        blocks: &[(&Self, &Lanes)],
+        chosen: impl Fn(&Self, &Lanes) -> [bool; LANES],
+    ) -> Vec<(Self, Lanes)> {
+        let mut packed: Vec<(Self, Lanes)> = Vec::new();
+        let mut filled = LANES;
+        for (block, numbers) in blocks {
+            let chosen = chosen(block, numbers);
+            for lane in (0..LANES).filter(|lane| chosen[*lane] && block.squares[*lane] > 0.0) {
+                if filled == LANES {
+                    // Until it is full, all of its points are this one, without weight.
+                    let points = block.points.map(|axis| [axis[lane]; LANES]);
+                    packed.push((
+                        Self { side: block.side, points, squares: [0.0; LANES] },
+                        [numbers[lane]; LANES],
+                    ));
+                    filled = 0;
+                }
+                if let Some((last, last_numbers)) = packed.last_mut() {
+                    (0..3).for_each(|axis| last.points[axis][filled] = block.points[axis][lane]);
+                    (last.squares[filled], last_numbers[filled]) = (block.squares[lane], numbers[lane]);
+                }
+                filled += 1;
+            }
+        }
+        packed
+    }
+
     /// The cost of some residuals, and by how much each is multiplied in the slope of the cost.
     pub(super) fn cost(&self, residuals: &Lanes) -> (f64, Lanes) {
         let (mut cost, mut slopes) = (0.0, [0.0; LANES]);

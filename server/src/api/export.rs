@@ -4,6 +4,7 @@
 
 use std::sync::Arc;
 
+use futures_util::future::try_join_all;
 use palpate_proto::v1;
 use palpate_proto::v1::mesh::Body;
 use sha2::{Digest, Sha256};
@@ -19,7 +20,7 @@ use crate::compute::{Queue, Work};
 use crate::error::Error;
 use crate::mesh_format::FileFormat;
 use crate::session::{Snapshot, hex};
-use crate::sessions::{Aggregate, FreshFold, Retractions};
+use crate::sessions::{Aggregate, Entered, FreshFold, Retractions};
 use crate::store::{Event, first_link};
 use crate::wire::json::to_json;
 use crate::wire::to_proto;
@@ -158,6 +159,13 @@ impl Writer {
     }
 }
 
+/// From where the states of a recording are computed.
+#[derive(Default)]
+struct States {
+    entered: Entered<Snapshot>,
+    fold: FreshFold<Snapshot>,
+}
+
 /// An export while it is written.
 struct Run {
     api: Api,
@@ -185,7 +193,7 @@ impl Run {
         let session_id = session_id.to_owned();
         let last = self.state.revision;
         let retractions = self.api.sessions.retractions(&session_id, last).await?;
-        let mut fold = FreshFold::default();
+        let mut states = States::default();
         let mut written = 0;
         while written < last {
             let count = writer.page().min(last - written);
@@ -196,7 +204,7 @@ impl Run {
                 return Err(Error::SessionNotFound { session_id });
             }
             written += rows.len() as i64;
-            let steps = self.steps(rows, &retractions, &writer, &mut fold).await?;
+            let steps = self.steps(rows, &retractions, &writer, &mut states).await?;
             let bytes;
             (writer, bytes) = self
                 .in_pool(move || {
@@ -221,17 +229,62 @@ impl Run {
         rows: Vec<Event>,
         retractions: &Retractions,
         writer: &Writer,
-        fold: &mut FreshFold<Snapshot>,
+        states: &mut States,
     ) -> Result<Vec<Step>, Error> {
-        let mut steps = Vec::with_capacity(rows.len());
-        for row in rows {
-            let state = match writer {
-                Writer::Recording(_) => Some(self.state_after(row.seq, fold).await?),
-                Writer::Bundle(..) | Writer::Table(_) => None,
-            };
-            steps.push(Step { retracted_by: retractions.of(row.seq), row, state });
+        let seqs: Vec<i64> = rows.iter().map(|row| row.seq).collect();
+        let states = match writer {
+            Writer::Recording(_) => self.states_after(&seqs, states).await?.into_iter().map(Some).collect(),
+            Writer::Bundle(..) | Writer::Table(_) => vec![None; rows.len()],
+        };
+        let step = |(row, state): (Event, _)| Step { retracted_by: retractions.of(row.seq), row, state };
+        Ok(rows.into_iter().zip(states).map(step).collect())
+    }
+
+    /// The session after each of some events that follow each other, as it was then: where there are checkpoints all at
+    /// a time, on as many cores as nobody else needs, and else one after the other.
+    async fn states_after(&self, seqs: &[i64], states: &mut States) -> Result<Vec<Arc<Snapshot>>, Error> {
+        let alone = try_join_all(seqs.iter().map(|seq| self.state_alone(*seq, &states.entered))).await?;
+        let mut found = Vec::with_capacity(seqs.len());
+        for (seq, alone) in seqs.iter().zip(alone) {
+            found.push(match alone {
+                Some(state) => state,
+                None => self.state_after(*seq, &mut states.fold).await?,
+            });
         }
-        Ok(steps)
+        if let Some(last) = seqs.last() {
+            self.enter(*last, &mut states.entered).await?;
+        }
+        Ok(found)
+    }
+
+    async fn state_alone(
+        &self,
+        seq: i64,
+        entered: &Entered<Snapshot>,
+    ) -> Result<Option<Arc<Snapshot>>, Error> {
+        let (session_id, _) = self.state.identity();
+        loop {
+            let sessions = &self.api.sessions;
+            match sessions.restored_alone(session_id, entered, seq, Queue::WATCHERS, self.deadline()).await {
+                Ok(state) => return Ok(state),
+                Err(error) => try_again(error).await?,
+            }
+        }
+    }
+
+    async fn enter(&self, seq: i64, entered: &mut Entered<Snapshot>) -> Result<(), Error> {
+        let (session_id, _) = self.state.identity();
+        loop {
+            let sessions = &self.api.sessions;
+            let before = std::mem::take(entered);
+            match sessions.enter(session_id, before, seq, Queue::WATCHERS, self.deadline()).await {
+                Ok(reached) => {
+                    *entered = reached;
+                    return Ok(());
+                }
+                Err(error) => try_again(error).await?,
+            }
+        }
     }
 
     /// The session after an event, as it was then.

@@ -74,6 +74,31 @@ impl<S> FreshFold<S> {
     }
 }
 
+/// The evidence of a log's first events, without their states.
+#[derive(Debug)]
+pub(crate) struct Entered<S> {
+    reached: Option<Replayed<S>>,
+}
+
+impl<S> Default for Entered<S> {
+    fn default() -> Self {
+        Self { reached: None }
+    }
+}
+
+impl<S: Aggregate> Entered<S> {
+    /// From where a fold goes on: from the first event where something that was entered is retracted now.
+    fn start(&self, session_id: &str, retractions: &Retractions) -> Folded<S> {
+        let usable = self.reached.as_ref().filter(|reached| retractions.agree_at(reached.state.revision()));
+        match usable {
+            Some(Replayed { state, head }) => {
+                Folded { state: Some(state.clone()), head: *head, damage: None }
+            }
+            None => Folded { state: None, head: Head::empty(session_id), damage: None },
+        }
+    }
+}
+
 impl<S: Aggregate> Sessions<S> {
     /// Goes on with a fold up to the event `to`: the state there, or an earlier and quarantined one where the log is
     /// damaged before.
@@ -96,6 +121,53 @@ impl<S: Aggregate> Sessions<S> {
         let state = reached.state.clone();
         fold.reached = Some(reached);
         Ok(state)
+    }
+
+    /// The state after the event `to` by its checkpoint alone, without any state before it, so that many are computed at
+    /// a time; `entered` holds the evidence of events before it. Nothing where no checkpoint gives it back.
+    ///
+    /// # Errors
+    /// There is no such session, or the log cannot be read in time.
+    pub(crate) async fn restored_alone(
+        &self,
+        session_id: &str,
+        entered: &Entered<S>,
+        to: i64,
+        queue: Queue,
+        deadline: Instant,
+    ) -> Result<Option<Arc<S>>, Error> {
+        let row = self.row(session_id).await?;
+        let retractions = self.retractions(session_id, to).await?;
+        let task = Task { row: &row, retractions: &retractions, queue, deadline };
+        let start = entered.start(session_id, &retractions);
+        let before = start.revision();
+        let jumped = self.jumped(task, start, to).await?;
+        if jumped.revision() == before {
+            return Ok(None);
+        }
+        let folded = self.fold_on(task, jumped, to).await?;
+        let is_it = folded.damage.is_none() && folded.revision() == to;
+        Ok(folded.state.filter(|_| is_it))
+    }
+
+    /// Enters the evidence of the events up to `to`, whose states are left out.
+    ///
+    /// # Errors
+    /// There is no such session, or the log cannot be read in time.
+    pub(crate) async fn enter(
+        &self,
+        session_id: &str,
+        entered: Entered<S>,
+        to: i64,
+        queue: Queue,
+        deadline: Instant,
+    ) -> Result<Entered<S>, Error> {
+        let row = self.row(session_id).await?;
+        let retractions = self.retractions(session_id, to).await?;
+        let task = Task { row: &row, retractions: &retractions, queue, deadline };
+        let start = entered.start(session_id, &retractions);
+        let Folded { state, head, .. } = self.fold_pages(task, start, to, Manner::Deferring).await?;
+        Ok(Entered { reached: state.map(|state| Replayed { state, head }) })
     }
 
     /// The state at the revision `to`, or at the last one there is, by way of what is in memory and of checkpoints.
