@@ -1,5 +1,6 @@
 # syntax=docker/dockerfile:1
 # Build: docker build -t palpate .
+# Token: docker run --rm -v palpate:/data palpate token create --name me --scope operate
 # Run:   docker run -p 127.0.0.1:7257:7257 -v palpate:/data palpate
 
 FROM node:20-bookworm-slim AS node
@@ -31,12 +32,12 @@ COPY --from=build /usr/local/bin/palpate /usr/local/bin/palpate
 USER palpate
 WORKDIR /data
 VOLUME /data
-# Inside a container the loopback cannot be published, so all of its addresses are listened on. This version knows no
-# callers: --insecure-open accepts that whoever reaches the published port may read and change every session. Publish
-# it on 127.0.0.1 only, as above, or behind a proxy that authenticates.
+# Inside a container the loopback cannot be published, so all of its addresses are listened on, and callers are asked for
+# tokens. Publish it on 127.0.0.1 only, as above, or with PALPATE_TLS_CERT and PALPATE_TLS_KEY: tokens come in the clear
+# otherwise. With TLS the health check below has to be another one, such as curl --insecure https://127.0.0.1:7257/readyz.
 ENV PALPATE_LISTEN=0.0.0.0:7257 PALPATE_DATABASE=/data/palpate.db
 EXPOSE 7257
 HEALTHCHECK --interval=10s --timeout=3s --start-period=5s \
     CMD ["bash", "-c", "exec 3<>/dev/tcp/127.0.0.1/7257 && printf 'GET /readyz HTTP/1.0\\r\\n\\r\\n' >&3 && head -n 1 <&3 | grep -q ' 200 '"]
 ENTRYPOINT ["palpate"]
-CMD ["serve", "--insecure-open"]
+CMD ["serve"]

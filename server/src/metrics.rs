@@ -42,6 +42,7 @@ pub(crate) struct Metrics {
     warnings: Family<Labels<1>, Counter>,
     calls: Family<Labels<2>, Counter>,
     call_times: Times<1>,
+    unknown_callers: Family<Labels<1>, Counter>,
     waits: Times<2>,
     computations: Times<1>,
     commits: Histogram,
@@ -78,6 +79,12 @@ impl Default for Metrics {
                 Family::default(),
             ),
             call_times: add(r, "call_seconds", "Time from a call to its answer, waiting included", times()),
+            unknown_callers: add(
+                r,
+                "unknown_callers",
+                "Requests whose callers could not say who they are, by the reason of the refusal",
+                Family::default(),
+            ),
             waits: add(r, "queue_wait_seconds", "Time that a computation waited for a thread", times()),
             computations: add(r, "compute_seconds", "Time that a computation had a thread", times()),
             commits: add(
@@ -141,6 +148,11 @@ impl Metrics {
             let kind = name.strip_prefix("WARNING_CODE_").unwrap_or(name);
             self.warnings.get_or_create(&[("kind", kind)]).inc();
         }
+    }
+
+    /// A request that was refused before it became a call, as nobody knows who makes it.
+    pub(crate) fn unknown_caller(&self, refusal: &Error) {
+        self.unknown_callers.get_or_create(&[("reason", refusal.reason())]).inc();
     }
 
     /// A call, or a message on a stream, that was answered after this time.

@@ -152,7 +152,7 @@ pub async fn serve(
     } else {
         None
     };
-    let guard = Guard::new(registry, &limits);
+    let guard = Guard::new(registry, &limits, store.metrics.clone());
     let api = Api::new(store, limits, shutdown.clone());
     let bodies = Bodies::new(api.limits());
     let (grpc_routes, health) = grpc::router(&api, guard.clone(), bodies.clone())?;

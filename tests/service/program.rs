@@ -104,7 +104,9 @@ async fn wrong_usage_is_refused_before_anything_is_done() {
         (&["serve", "--allow-host", "palpate.lan:7257"], "write palpate.lan"),
         (&["serve", "--allow-origin", "localhost:5173"], "write http://localhost:5173"),
         (&["serve", "--log", "banana"], "`banana` is no level"),
-        (&["explore", "--server", "https://127.0.0.1:7257"], "does not speak TLS"),
+        (&["explore", "--server", "ftp://127.0.0.1:7257"], "write http://127.0.0.1:7257"),
+        (&["serve", "--tls-cert", "cert.pem"], "--tls-key"),
+        (&["serve", "--insecure-open", "--require-tokens"], "cannot be used with"),
         (&["demo", "--attempts", "1001"], "between 1 and 1000"),
         (&["evaluate", "--attempts", "1001"], "between 1 and 1000"),
         (

@@ -214,6 +214,11 @@ async fn failed_attempts_are_answered_later_and_later_and_a_valid_token_is_not()
     accepted(server.http("arm").get("/v1/sessions")).await.unwrap();
     assert!(!waiting.is_finished(), "who has a token is answered before");
     let refused = waiting.await.unwrap();
+    let metrics = accepted(server.http("arm").get("/metrics")).await.unwrap().text().await.unwrap();
+    assert!(
+        metrics.contains("palpate_unknown_callers_total{reason=\"TOKEN_MISSING\"} 9"),
+        "they are counted"
+    );
     assert_eq!(header(&refused, "www-authenticate"), "Bearer realm=\"palpate\"");
 }
 

@@ -25,6 +25,7 @@ use super::scope::Scope;
 use super::tickets::Tickets;
 use crate::error::Error;
 use crate::limits::Limits;
+use crate::metrics::Metrics;
 use crate::{grpc, http as web, peer};
 
 const TICKET: &str = "ticket=";
@@ -43,6 +44,7 @@ struct Rules {
     registry: Option<Registry>,
     tickets: Tickets,
     attempts: Attempts,
+    metrics: Metrics,
 }
 
 /// A caller who was let in, and the token that it has to go on having while it is answered.
@@ -53,9 +55,9 @@ struct Admitted {
 
 impl Guard {
     /// Lets in who has a token of this registry, or a certificate; all, where there is none.
-    pub(crate) fn new(registry: Option<Registry>, limits: &Limits) -> Self {
+    pub(crate) fn new(registry: Option<Registry>, limits: &Limits, metrics: Metrics) -> Self {
         let attempts = Attempts::new(limits.refused_wait);
-        Self(Arc::new(Rules { registry, tickets: Tickets::default(), attempts }))
+        Self(Arc::new(Rules { registry, tickets: Tickets::default(), attempts, metrics }))
     }
 
     /// A ticket in place of this caller's token.
@@ -84,6 +86,7 @@ impl Guard {
             }
             Err(error) => {
                 let address = peer::address(&parts.extensions);
+                guard.0.metrics.unknown_caller(&error);
                 let wait = guard.0.attempts.failed(address, Instant::now());
                 tracing::info!(
                     method = %parts.method, path = parts.uri.path(), ?address, reason = error.reason(),

@@ -22,6 +22,8 @@ pub(crate) struct Http {
 
 impl Http {
     pub(super) fn new(url: String) -> Self {
+        // Which cryptography it uses is the program's choice; another test may have made it already.
+        let _ = rustls::crypto::ring::default_provider().install_default();
         Self { client: reqwest::Client::new(), url, token: None }
     }
 

@@ -18,7 +18,15 @@ from palpate import aio, simulated, v1
 from palpate.calls import ball, half_space, sensor
 from palpate.candidates import Candidate, Candidates, ContactAccepted, Proposal, ViewAccepted
 from palpate.client import Client
-from palpate.errors import EvidenceWarning, NoAnswer, NoServer, PalpateError, Refused
+from palpate.errors import (
+    EvidenceWarning,
+    NoAnswer,
+    NoServer,
+    PalpateError,
+    PermissionDenied,
+    Refused,
+    Unauthenticated,
+)
 from palpate.exploration import Explored, Robot, Step, explore
 from palpate.local_server import LocalServer, local_server
 from palpate.mesh import Mesh
@@ -48,6 +56,7 @@ __all__ = [
     "ObjectMoved",
     "Outcome",
     "PalpateError",
+    "PermissionDenied",
     "Proposal",
     "Refused",
     "Rejected",
@@ -55,6 +64,7 @@ __all__ = [
     "Series",
     "Session",
     "Step",
+    "Unauthenticated",
     "Update",
     "ViewAccepted",
     "aio",

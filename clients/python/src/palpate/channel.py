@@ -31,14 +31,11 @@ def target(url: str) -> str:
         ValueError: it is no address of a server.
     """
     parts = urlsplit(url if "//" in url else f"http://{url}")
-    if parts.scheme == "https":
-        raise ValueError(
-            f"{url} asks for TLS, which this client does not speak yet: write http:// or let a tunnel encrypt the way"
-        )
     try:
         host, port = parts.hostname, parts.port
     except ValueError:
         host, port = None, None
-    if parts.scheme != "http" or not host or parts.path not in ("", "/") or parts.query:
+    if parts.scheme not in ("http", "https") or not host or parts.path not in ("", "/") or parts.query:
         raise ValueError(f"{url!r} is not the address of a server; one looks like http://127.0.0.1:7257")
-    return f"[{host}]:{port or 80}" if ":" in host else f"{host}:{port or 80}"
+    port = port or (443 if parts.scheme == "https" else 80)
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"

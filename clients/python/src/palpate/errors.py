@@ -33,6 +33,11 @@ HINTS = {
     "DRAINING": "the server is stopping: send the same call again when it is back",
     "DEADLINE_EXCEEDED": "send the same call again, with more time",
     "BODY_TIMEOUT": "send the same call again, over a faster connection",
+    "TOKEN_MISSING": "call with a token that `palpate token create` made on the server",
+    "TOKEN_INVALID": "look at the token: it is mistyped, of another server, or was revoked",
+    "TOKEN_EXPIRED": "ask who runs the server for a new token",
+    "CERTIFICATE_NAME": "call with a certificate whose common name is SCOPE:NAME",
+    "SCOPE_DENIED": "use a token that was made for this",
     "HOST_MISSING": "send one Host header",
     "HOST_REFUSED": "call the server as localhost, or start it with --allow-host",
     "ORIGIN_REFUSED": "start the server with --allow-origin",
@@ -139,6 +144,21 @@ class Refused(PalpateError):
         return self.code in _MAY_PASS
 
 
+class Unauthenticated(Refused):
+    """The server asks who calls, and the token or certificate does not say it."""
+
+
+class PermissionDenied(Refused):
+    """The server knows who calls, and that they may not do this."""
+
+
+#: Refusals that are a class of their own.
+_KINDS = {
+    grpc.StatusCode.UNAUTHENTICATED: Unauthenticated,
+    grpc.StatusCode.PERMISSION_DENIED: PermissionDenied,
+}
+
+
 def from_rpc_error(error: grpc.RpcError, attempts: int) -> NoAnswer | Refused:
     """The exception for what gRPC raised in the last of `attempts` attempts."""
     call: Any = error  # what a call raises is a call, too, which the types of grpcio do not say
@@ -155,7 +175,7 @@ def from_rpc_error(error: grpc.RpcError, attempts: int) -> NoAnswer | Refused:
         return NoAnswer(message, attempts)
     fields = {violation.field: violation.description for violation in bad.field_violations}
     after = retry.retry_delay.ToTimedelta().total_seconds() if retry.HasField("retry_delay") else None
-    return Refused(code, info.reason, message, fields, after, attempts)
+    return _KINDS.get(code, Refused)(code, info.reason, message, fields, after, attempts)
 
 
 def is_gone_after_retry(error: Refused) -> bool:

@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 import grpc
 
 from palpate import calls, v1
+from palpate.access import Pem, access
 from palpate.aio.session import Session
 from palpate.calls import Call
 from palpate.channel import OPTIONS, target
@@ -33,16 +34,31 @@ class Client:
         url: of the server.
         timeout: seconds that a call may take in all, with its retries.
         connect_timeout: seconds in which the server must answer for the first time.
+        token: says who calls, where the server asks; by default PALPATE_TOKEN, or what is in PALPATE_TOKEN_FILE.
+        ca: the authority that the server's certificate comes from, for https://; by default PALPATE_CA, or those that
+            grpcio brings along. A path of a PEM file or its content, as the next two.
+        certificate, key: what says who calls instead of a token; by default PALPATE_CERTIFICATE and PALPATE_KEY.
 
     Raises:
-        ValueError: `url` is no address of a server.
+        ValueError: `url` is no address of a server, or something of the others cannot be used.
     """
 
-    def __init__(self, url: str = "http://127.0.0.1:7257", timeout: float = 60.0, connect_timeout: float = 5.0):
+    def __init__(
+        self,
+        url: str = "http://127.0.0.1:7257",
+        timeout: float = 60.0,
+        connect_timeout: float = 5.0,
+        *,
+        token: str | None = None,
+        ca: Pem | None = None,
+        certificate: Pem | None = None,
+        key: Pem | None = None,
+    ):
         self.url = url
         self.timeout = timeout
         self._connect_timeout = connect_timeout
         self._target = target(url)
+        self._access = access(url, token, ca, certificate, key)
         self._channel: grpc.aio.Channel | None = None
         self._info: v1.ServerInfo | None = None
 
@@ -178,7 +194,10 @@ class Client:
             request_serializer=v1.ImportSessionRequest.SerializeToString,
             response_deserializer=v1.Session.FromString,
         )
-        info = await self._again(lambda left: method(import_requests(Path(path), header), timeout=left), self.timeout)
+        info = await self._again(
+            lambda left: method(import_requests(Path(path), header), timeout=left, metadata=self._access.metadata),
+            self.timeout,
+        )
         return Session(self, info)
 
     # How the calls are carried out, for `Session`.
@@ -200,7 +219,7 @@ class Client:
             request_serializer=type(call.request).SerializeToString,
             response_deserializer=call.reply.FromString,
         )
-        replies = method(call.request)
+        replies = method(call.request, metadata=self._access.metadata)
         try:
             async for reply in replies:
                 yield call.read(reply)
@@ -215,7 +234,9 @@ class Client:
             request_serializer=type(call.request).SerializeToString,
             response_deserializer=call.reply.FromString,
         )
-        return call.read(await self._again(lambda left: method(call.request, timeout=left), timeout))
+        return call.read(
+            await self._again(lambda left: method(call.request, timeout=left, metadata=self._access.metadata), timeout)
+        )
 
     async def _again(self, attempt: Callable[[float], Awaitable[Any]], timeout: float) -> Any:
         attempts = Attempts(timeout)
@@ -227,5 +248,8 @@ class Client:
 
     def _open(self) -> grpc.aio.Channel:
         if self._channel is None:
-            self._channel = grpc.aio.insecure_channel(self._target, OPTIONS)
+            if self._access.credentials is None:
+                self._channel = grpc.aio.insecure_channel(self._target, OPTIONS)
+            else:
+                self._channel = grpc.aio.secure_channel(self._target, self._access.credentials, OPTIONS)
         return self._channel
