@@ -6,7 +6,12 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <exception>
+#include <fstream>
+#include <iterator>
+#include <stdexcept>
+#include <string>
 #include <thread>
 #include <vector>
 
@@ -90,14 +95,37 @@ std::vector<Vector> seen_from_above() {
   return points;
 }
 
+std::string environment(const char* name) {
+  const char* value = std::getenv(name);
+  return value ? value : "";
+}
+
+// The content of the file that an environment variable names; empty where it names none.
+std::string named_file(const char* name) {
+  const std::string path = environment(name);
+  if (path.empty()) return "";
+  std::ifstream file(path);
+  if (!file) throw std::runtime_error(std::string(name) + ": " + path + " cannot be read");
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+palpate::Access access() {
+  return {environment("PALPATE_TOKEN"), named_file("PALPATE_CA"), named_file("PALPATE_CERTIFICATE"),
+          named_file("PALPATE_KEY")};
+}
+
 }  // namespace
 
 int main(int argc, char** argv) try {
   if (argc != 2 || argv[1][0] == '-') {
-    std::fprintf(stderr, "usage: %s HOST:PORT   explores a simulated ball with the Palpate server there\n", argv[0]);
+    std::fprintf(stderr,
+                 "usage: %s HOST:PORT   explores a simulated ball with the Palpate server there\n"
+                 "PALPATE_TOKEN is the token to call with; with https://HOST:PORT, PALPATE_CA names the PEM file of the\n"
+                 "server's authority, and PALPATE_CERTIFICATE and PALPATE_KEY those of a certificate to call with.\n",
+                 argv[0]);
     return 2;
   }
-  palpate::Explorer explorer(argv[1]);
+  palpate::Explorer explorer(argv[1], access());
   explorer.start(seen_from_above(), {0.5, 0.0, 0.6});
   Controller controller(explorer);
   using Clock = std::chrono::steady_clock;

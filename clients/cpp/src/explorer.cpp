@@ -96,6 +96,7 @@ struct Explorer::Network {
   std::unique_ptr<v1::SessionService::Stub> sessions;
   std::unique_ptr<v1::ExplorationService::Stub> exploration;
   std::string session_id;
+  std::string authorization;              // sent along with each call; empty where there is no token
   std::mutex mutex;                       // guards the two below; the callback never takes it
   std::string error;
   grpc::ClientContext* current = nullptr;  // the call under way, to be cancelled at the end
@@ -106,6 +107,7 @@ struct Explorer::Network {
     for (auto pause = std::chrono::milliseconds(50);; pause = std::min<std::chrono::milliseconds>(2 * pause, kLongestPause)) {
       grpc::ClientContext context;
       context.set_deadline(std::chrono::system_clock::now() + kDeadline);
+      if (!authorization.empty()) context.AddMetadata("authorization", authorization);
       {
         std::lock_guard lock(mutex);
         if (ending) return {grpc::StatusCode::CANCELLED, "the explorer ends"};
@@ -122,8 +124,18 @@ struct Explorer::Network {
   }
 };
 
-Explorer::Explorer(const std::string& address) : network_(std::make_unique<Network>()) {
-  network_->channel = grpc::CreateChannel(address, grpc::InsecureChannelCredentials());
+Explorer::Explorer(const std::string& address, const Access& access) : network_(std::make_unique<Network>()) {
+  const auto scheme = address.find("://");
+  const auto target = scheme == std::string::npos ? address : address.substr(scheme + 3);
+  if (address.compare(0, 8, "https://") == 0) {
+    const grpc::SslCredentialsOptions options{access.authority, access.key, access.certificate};
+    network_->channel = grpc::CreateChannel(target, grpc::SslCredentials(options));
+  } else if (access.authority.empty() && access.certificate.empty()) {
+    network_->channel = grpc::CreateChannel(target, grpc::InsecureChannelCredentials());
+  } else {
+    throw std::runtime_error("certificates are for https://, and " + address + " is not");
+  }
+  if (!access.token.empty()) network_->authorization = "Bearer " + access.token;
   network_->sessions = v1::SessionService::NewStub(network_->channel);
   network_->exploration = v1::ExplorationService::NewStub(network_->channel);
   v1::CreateSessionRequest request;

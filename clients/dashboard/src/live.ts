@@ -41,15 +41,16 @@ export class LiveSession {
       if (this.#isClosed) return;
       this.session = session;
       this.events = events;
-      this.#listen();
+      await this.#listen();
       this.onChange(this);
     } catch (error) {
       this.#failed(error);
     }
   }
 
-  #listen(): void {
-    const source = api.watched(this.id, this.revision);
+  async #listen(): Promise<void> {
+    const source = await api.watched(this.id, this.revision);
+    if (this.#isClosed) return source.close();
     this.#source = source;
     source.onopen = () => {
       this.#tries = 0;
@@ -101,7 +102,7 @@ export class LiveSession {
     if (!this.events.length) return this.#begin();
     try {
       this.session = await api.session(this.id);
-      if (!this.#isClosed) this.#listen();
+      if (!this.#isClosed) await this.#listen();
     } catch (error) {
       this.#failed(error);
     }

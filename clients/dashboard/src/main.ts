@@ -1,6 +1,8 @@
 /** The frame around the pages: which one is shown follows from the address. */
 
 import "./style.css";
+import { isKnown, onKnown } from "./access";
+import { opened } from "./api/client";
 import { clear, h } from "./dom";
 import { explained } from "./errors";
 import { ComparePage } from "./pages/compare";
@@ -73,9 +75,21 @@ function setTheme(theme: string): void {
 themeButton.addEventListener("click", () => setTheme(themes[(themes.indexOf(document.documentElement.dataset.theme ?? "auto") + 1) % themes.length]!));
 setTheme(rememberedTheme());
 
+const logOut = h("button", { type: "button", hidden: true, title: "Forget the token", onclick: () => location.reload() }, "Log out");
+onKnown(() => (logOut.hidden = false));
+
+/** What is downloaded cannot send headers. */
+document.addEventListener("click", async (event) => {
+  const link = event.target instanceof Element ? event.target.closest("a[download]") : null;
+  const address = link?.getAttribute("href");
+  if (!isKnown() || !address?.startsWith("/v1/")) return;
+  event.preventDefault();
+  h("a", { href: await opened(address), download: "" }).click();
+});
+
 clear(
   app,
-  h("nav", { "aria-label": "Palpate" }, h("a", { href: "#/sessions", className: "brand" }, "Palpate"), h("a", { href: "#/sessions" }, "Sessions"), h("a", { href: "#/experiments" }, "Experiments"), h("a", { href: "/docs/" }, "API"), h("span", { className: "grow" }), themeButton),
+  h("nav", { "aria-label": "Palpate" }, h("a", { href: "#/sessions", className: "brand" }, "Palpate"), h("a", { href: "#/sessions" }, "Sessions"), h("a", { href: "#/experiments" }, "Experiments"), h("a", { href: "/docs/" }, "API"), h("span", { className: "grow" }), logOut, themeButton),
   content,
 );
 window.addEventListener("hashchange", open);

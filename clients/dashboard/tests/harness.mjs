@@ -55,9 +55,10 @@ function freePort() {
 
 /** A server with a database that lasts as long as the object, through kills and restarts. */
 export class Server {
-  static async start(robots = 2) {
+  static async start(robots = 2, more = []) {
     const server = new Server();
     server.robots = robots;
+    server.more = more;
     server.folder = mkdtempSync(join(tmpdir(), "palpate-page-"));
     server.port = await freePort();
     server.url = `http://127.0.0.1:${server.port}`;
@@ -66,7 +67,7 @@ export class Server {
   }
 
   async run() {
-    const options = ["serve", "--listen", `127.0.0.1:${this.port}`, "--database", join(this.folder, "palpate.db"), "--simulated-robots", String(this.robots)];
+    const options = ["serve", "--listen", `127.0.0.1:${this.port}`, "--database", join(this.folder, "palpate.db"), "--simulated-robots", String(this.robots), ...this.more];
     this.process = spawn(program, options, { stdio: "ignore" });
     await until("the server", async () => (await fetch(`${this.url}/readyz`)).ok);
   }

@@ -52,12 +52,21 @@ enum class State : std::uint8_t {
   kFailed,     // the server refused something: see error()
 };
 
+// Who calls, and whom they trust. All that is empty is left out; the last three are the content of PEM files.
+struct Access {
+  std::string token;        // as `palpate token create` prints it
+  std::string authority;    // of the server's certificate; without one those count that gRPC brings along
+  std::string certificate;  // says who calls in place of a token, with its private key
+  std::string key;
+};
+
 // A session's robot. try_get_candidate, post_contact and state neither wait, lock nor allocate: call them from one
 // thread, at any rate. Everything else is for set-up and the end.
 class Explorer {
  public:
-  // Connects to `address`, such as 127.0.0.1:7257, and makes a session. Throws std::runtime_error with the server's words.
-  explicit Explorer(const std::string& address);
+  // Connects to `address`, such as 127.0.0.1:7257, or https://lab:7257 where the server speaks TLS, and makes a session.
+  // Throws std::runtime_error with the server's words.
+  explicit Explorer(const std::string& address, const Access& access = {});
   // Ends the worker; a call under way is cancelled, and an outcome that was not yet sent is lost.
   ~Explorer();
   Explorer(const Explorer&) = delete;

@@ -1,5 +1,6 @@
 /** Every call that the page makes: HTTP with JSON, and files. All of them go through `ask`. */
 
+import * as access from "../access";
 import type { components } from "./schema.generated";
 
 type Schemas = components["schemas"];
@@ -68,16 +69,23 @@ export class Refused extends Error {
 /** The server could not be asked at all. */
 export class Unreachable extends Error {}
 
+/** The answer; where the server does not know who calls, somebody is asked, and the call goes on. */
 async function ask(path: string, init: RequestInit = {}): Promise<Response> {
+  const shown = access.headers();
   let response: Response;
   try {
-    response = await fetch(path, init);
+    response = await fetch(path, { ...init, headers: { ...init.headers, ...shown } });
   } catch (error) {
     if (init.signal?.aborted) throw error;
     throw new Unreachable("the server does not answer");
   }
   if (response.ok) return response;
   const problem = await response.json().catch(() => ({}));
+  if (response.status === 401) {
+    // Another call may have been given a token meanwhile.
+    if (shown.Authorization === access.headers().Authorization) await access.askForToken(shown.Authorization ? problem.detail : "");
+    return ask(path, init);
+  }
   const words = problem.detail ?? `${response.status} ${response.statusText}`;
   throw new Refused(response.status, problem.reason ?? "", words, problem.fields ?? []);
 }
@@ -123,7 +131,15 @@ export async function events(id: string, includePoints: boolean, signal?: AbortS
   return found;
 }
 
-export const watched = (id: string, after: number) => new EventSource(at(id, `/events?after_revision=${after}`));
+/** A file's address as a link opens it, or a stream's: neither can send headers, so it has a ticket for one request. */
+export async function opened(address: string): Promise<string> {
+  if (!access.isKnown()) return address;
+  const { ticket } = await post<{ ticket: string }>("/v1/tickets", {});
+  return `${address}${address.includes("?") ? "&" : "?"}ticket=${ticket}`;
+}
+
+export const watched = async (id: string, after: number) =>
+  new EventSource(await opened(at(id, `/events?after_revision=${after}`)));
 
 /** The surface at a revision as a file of packed numbers, which never changes; nothing before the first view. */
 export async function surface(id: string, revision: number, signal?: AbortSignal): Promise<ArrayBuffer | undefined> {
