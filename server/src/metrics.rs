@@ -63,7 +63,7 @@ impl Default for Metrics {
     fn default() -> Self {
         let mut registry = Registry::with_prefix("palpate");
         let r = &mut registry;
-        Self {
+        let metrics = Self {
             contacts: add(
                 r,
                 "contacts",
@@ -103,7 +103,12 @@ impl Default for Metrics {
             gauges: Gauges::registered(r),
             connections: Arc::default(),
             registry: Arc::new(registry),
+        };
+        // From the start, so that one can be waited for.
+        for reason in ["TOKEN_MISSING", "TOKEN_INVALID", "TOKEN_EXPIRED", "CERTIFICATE_NAME"] {
+            drop(metrics.unknown_callers.get_or_create(&[("reason", reason)]));
         }
+        metrics
     }
 }
 
