@@ -5,63 +5,16 @@
 
 use std::collections::BTreeMap;
 
-use palpate_proto::v1;
+use palpate_proto::{Bytes, v1};
 use palpate_server::access::{NewToken, Scope, needed};
 use prost::Message;
 use prost_reflect::{DescriptorPool, DynamicMessage, MethodDescriptor, Value as Field};
 use reqwest::Method;
 use serde_json::Value;
+use tonic::Request;
 use tonic::client::Grpc;
-use tonic::codec::{BufferSettings, Codec, DecodeBuf, Decoder, EncodeBuf, Encoder};
-use tonic::{Request, Status};
 
-use crate::harness::{Guarded, Http, Refused, accepted, creation, new_token, soon};
-
-/// Bytes as they are.
-#[derive(Clone, Copy, Default)]
-struct Bytes;
-
-impl Codec for Bytes {
-    type Encode = Vec<u8>;
-    type Decode = Vec<u8>;
-    type Encoder = Self;
-    type Decoder = Self;
-
-    fn encoder(&mut self) -> Self {
-        Self
-    }
-
-    fn decoder(&mut self) -> Self {
-        Self
-    }
-}
-
-impl Encoder for Bytes {
-    type Item = Vec<u8>;
-    type Error = Status;
-
-    fn encode(&mut self, item: Vec<u8>, buffer: &mut EncodeBuf<'_>) -> Result<(), Status> {
-        use prost::bytes::BufMut;
-        buffer.put_slice(&item);
-        Ok(())
-    }
-
-    fn buffer_settings(&self) -> BufferSettings {
-        BufferSettings::default()
-    }
-}
-
-impl Decoder for Bytes {
-    type Item = Vec<u8>;
-    type Error = Status;
-
-    fn decode(&mut self, buffer: &mut DecodeBuf<'_>) -> Result<Option<Vec<u8>>, Status> {
-        use prost::bytes::Buf;
-        let mut bytes = vec![0; buffer.remaining()];
-        buffer.copy_to_slice(&mut bytes);
-        Ok(Some(bytes))
-    }
-}
+use crate::harness::{Guarded, Http, OnTheWire, Refused, accepted, creation, new_token, soon};
 
 fn methods() -> Vec<MethodDescriptor> {
     let contract = DescriptorPool::decode(palpate_proto::FILE_DESCRIPTOR_SET).unwrap();
@@ -94,11 +47,11 @@ async fn call(
     let mut client = Grpc::new(server.server.channel());
     soon("a connection", client.ready()).await.unwrap();
     let path = format!("/{}/{}", method.parent_service().full_name(), method.name());
-    let mut request = Request::new(tokio_stream::iter([message]));
+    let mut request = Request::new(tokio_stream::iter([Bytes::from(message)]));
     if let Some(token) = token {
         request.metadata_mut().insert("authorization", format!("Bearer {token}").parse().unwrap());
     }
-    let reply = client.streaming(request, path.parse().unwrap(), Bytes);
+    let reply = client.streaming(request, path.parse().unwrap(), OnTheWire);
     let outcome = match soon("an answer", reply).await {
         Ok(stream) => soon("a reply", stream.into_inner().message()).await.map(|_| ()),
         Err(status) => Err(status),

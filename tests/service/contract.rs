@@ -4,10 +4,9 @@
 use palpate_proto::Bytes;
 use prost_reflect::{DescriptorPool, MethodDescriptor};
 use reqwest::Method;
-use tonic::codec::{Codec, DecodeBuf, Decoder, EncodeBuf, Encoder};
 use tonic::{Code, Request, Status};
 
-use crate::harness::{Server, send, soon};
+use crate::harness::{OnTheWire, Server, send, soon};
 
 /// Where each call is over HTTP; nothing for the stream of a robot, which needs both directions.
 const ROUTES: [(&str, Option<(&str, &str)>); 25] = [
@@ -39,45 +38,6 @@ const ROUTES: [(&str, Option<(&str, &str)>); 25] = [
 ];
 const ALSO: [(&str, &str); 1] = [("DELETE", "/v1/sessions/ball/reference")];
 
-/// Messages as they are on the wire.
-#[derive(Default)]
-struct Raw;
-
-impl Codec for Raw {
-    type Encode = Bytes;
-    type Decode = Bytes;
-    type Encoder = Self;
-    type Decoder = Self;
-
-    fn encoder(&mut self) -> Self {
-        Self
-    }
-
-    fn decoder(&mut self) -> Self {
-        Self
-    }
-}
-
-impl Encoder for Raw {
-    type Item = Bytes;
-    type Error = Status;
-
-    fn encode(&mut self, item: Bytes, buffer: &mut EncodeBuf<'_>) -> Result<(), Status> {
-        prost::bytes::BufMut::put(buffer, item);
-        Ok(())
-    }
-}
-
-impl Decoder for Raw {
-    type Item = Bytes;
-    type Error = Status;
-
-    fn decode(&mut self, buffer: &mut DecodeBuf<'_>) -> Result<Option<Bytes>, Status> {
-        let length = prost::bytes::Buf::remaining(buffer);
-        Ok(Some(prost::bytes::Buf::copy_to_bytes(buffer, length)))
-    }
-}
-
 fn calls() -> Vec<MethodDescriptor> {
     let contract = DescriptorPool::decode(palpate_proto::FILE_DESCRIPTOR_SET).unwrap();
     let services: Vec<_> =
@@ -95,7 +55,7 @@ async fn every_call_of_the_contract_is_served_over_grpc() {
         client.ready().await.unwrap();
         // An empty message, and none after it: every call can answer that, if only with a refusal.
         let messages = Request::new(tokio_stream::iter([Bytes::new()]));
-        let answer = soon("an answer", client.streaming(messages, path.parse().unwrap(), Raw)).await;
+        let answer = soon("an answer", client.streaming(messages, path.parse().unwrap(), OnTheWire)).await;
         let refusal = match answer {
             Ok(answer) => soon("its first message", answer.into_inner().message()).await.err(),
             Err(status) => Some(status),

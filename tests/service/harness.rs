@@ -3,6 +3,7 @@
 pub(crate) mod ball;
 pub(crate) mod bundle;
 mod caller;
+mod codec;
 mod guarded;
 mod http;
 mod process;
@@ -19,6 +20,7 @@ pub(crate) mod truth;
 use std::time::Duration;
 
 pub(crate) use caller::{Caller, Transport, reply};
+pub(crate) use codec::OnTheWire;
 pub(crate) use guarded::{Guarded, issue, new_token};
 pub(crate) use http::{EventStream, Http, accepted, from_json, header, send, to_json};
 pub(crate) use process::Process;

@@ -2,8 +2,10 @@
 
 #include <grpcpp/grpcpp.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstring>
+#include <iterator>
 #include <mutex>
 #include <random>
 #include <stdexcept>
@@ -89,6 +91,17 @@ bool worth_retrying(grpc::StatusCode code) {
          code == grpc::StatusCode::RESOURCE_EXHAUSTED;
 }
 
+// A token without what a file has around it. gRPC ends the process at a header that it cannot send.
+std::string word(const std::string& text) {
+  const auto is_space = [](char c) { return c == ' ' || c == '\n' || c == '\r' || c == '\t'; };
+  const auto first = std::find_if_not(text.begin(), text.end(), is_space);
+  const auto last = std::find_if_not(text.rbegin(), std::make_reverse_iterator(first), is_space).base();
+  if (!std::all_of(first, last, [](char c) { return c > ' ' && c <= '~'; })) {
+    throw std::runtime_error("the token is none: it is one word, as `palpate token create` prints it");
+  }
+  return {first, last};
+}
+
 }  // namespace
 
 struct Explorer::Network {
@@ -135,7 +148,7 @@ Explorer::Explorer(const std::string& address, const Access& access) : network_(
   } else {
     throw std::runtime_error("certificates are for https://, and " + address + " is not");
   }
-  if (!access.token.empty()) network_->authorization = "Bearer " + access.token;
+  if (const auto token = word(access.token); !token.empty()) network_->authorization = "Bearer " + token;
   network_->sessions = v1::SessionService::NewStub(network_->channel);
   network_->exploration = v1::ExplorationService::NewStub(network_->channel);
   v1::CreateSessionRequest request;

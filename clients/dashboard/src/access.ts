@@ -35,8 +35,14 @@ function open(refused: string, done: () => void): void {
     problem,
     h("div", { className: "row end" }, submit),
   );
-  // There is nothing to see without one, so that it cannot be waved away.
-  const dialog = h("dialog", { "aria-label": "Who are you?", oncancel: (event: Event) => event.preventDefault() }, form);
+  const dialog = h("dialog", { "aria-label": "Who are you?" }, form);
+  // There is nothing to see without a token, and calls wait for one: closed with Escape, it is there again. A browser
+  // lets only the first Escape be prevented.
+  const again = () => {
+    dialog.showModal();
+    input.focus();
+  };
+  dialog.addEventListener("close", again);
   form.addEventListener("submit", async (event) => {
     event.preventDefault();
     submit.disabled = true;
@@ -50,6 +56,7 @@ function open(refused: string, done: () => void): void {
       return;
     }
     token = given;
+    dialog.removeEventListener("close", again);
     dialog.close();
     dialog.remove();
     for (const listener of listeners) listener();
@@ -57,17 +64,19 @@ function open(refused: string, done: () => void): void {
   });
   document.body.append(dialog);
   say(refused);
-  dialog.showModal();
-  input.focus();
+  again();
 }
 
 /** Why the server does not take this token; nothing where it does. */
 async function refusal(given: string): Promise<string> {
+  // What else it may have, no header can carry.
+  if (!/^[\x21-\x7e]+$/.test(given)) return "this is no token: it is one word of plain letters, as it was printed";
   try {
     const response = await fetch("/version", { headers: { Authorization: `Bearer ${given}` } });
-    if (response.status !== 401) return "";
+    // Whoever may not see the version is known all the same.
+    if (response.ok || response.status === 403) return "";
     const problem = await response.json().catch(() => ({}));
-    return problem.detail ?? "the server does not know this token";
+    return problem.detail ?? `${response.status} ${response.statusText}`;
   } catch {
     return "the server does not answer";
   }

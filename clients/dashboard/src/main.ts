@@ -4,7 +4,7 @@ import "./style.css";
 import { isKnown, onKnown } from "./access";
 import { opened } from "./api/client";
 import { clear, h } from "./dom";
-import { explained } from "./errors";
+import { explained, tell } from "./errors";
 import { ComparePage } from "./pages/compare";
 import { ExperimentPage, ExperimentsPage } from "./pages/experiments";
 import type { Page } from "./pages/page";
@@ -84,7 +84,11 @@ document.addEventListener("click", async (event) => {
   const address = link?.getAttribute("href");
   if (!isKnown() || !address?.startsWith("/v1/")) return;
   event.preventDefault();
-  h("a", { href: await opened(address), download: "" }).click();
+  try {
+    h("a", { href: await opened(address), download: "" }).click();
+  } catch (error) {
+    tell(explained(error), true);
+  }
 });
 
 clear(

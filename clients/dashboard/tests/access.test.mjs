@@ -49,6 +49,11 @@ const newest = async () => {
 test("a token is asked for once, and a wrong one is refused in words", async () => {
   await page.goto(server.url);
   await until("the question", () => dialog().isVisible());
+  // A browser lets a page keep a dialog open at the first Escape only.
+  for (let press = 0; press < 4; press++) await page.keyboard.press("Escape");
+  await until("it stays", () => dialog().isVisible());
+  await give("\u201cquoted\u201d");
+  await until("that it is none", () => dialog().getByText("this is no token").isVisible());
   await give("nonsense");
   await until("what is wrong with it", () => dialog().getByText("the token is not known here").isVisible());
   await give(tokens.wall);
@@ -83,7 +88,22 @@ test("a session is followed and its files are downloaded by tickets", async () =
   const link = page.locator("a[download]", { hasText: "PLY" });
   const [download] = await Promise.all([page.waitForEvent("download"), link.click()]);
   assert.match(readFileSync(await download.path(), "latin1").slice(0, 3), /ply/);
+  await page.route("**/v1/tickets", (route) => route.abort());
+  await page.locator("summary", { hasText: "Download" }).click();
+  await page.locator("summary", { hasText: "Download" }).click();
+  await page.locator("a[download]", { hasText: "STL" }).click();
+  await until("that it failed", () => page.getByText("the server does not answer").first().isVisible());
+  await page.unroute("**/v1/tickets");
   assert.ok(!asked.some((url) => url.includes(tokens.robot)), "no address has the token");
+});
+
+test("the table of an experiment is downloaded by a ticket", async () => {
+  const { experiment } = await newest();
+  await page.goto(`${server.url}/#/experiment/${experiment}`);
+  await until("the question", () => dialog().isVisible());
+  await give(tokens.wall);
+  const [download] = await Promise.all([page.waitForEvent("download"), page.getByRole("link", { name: "CSV" }).click()]);
+  assert.match(readFileSync(await download.path(), "utf8"), /attempts/);
 });
 
 test("a page whose token is revoked asks for another one and stays where it is; what it may not do is said", async () => {

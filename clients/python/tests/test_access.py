@@ -129,8 +129,14 @@ def test_a_session_over_tls_with_a_token_and_with_a_certificate(encrypted: Lab) 
 
 
 def test_a_server_that_is_not_trusted_is_not_called(encrypted: Lab) -> None:
-    with pytest.raises(palpate.NoServer):
+    with pytest.raises(palpate.NoServer, match="`ca=`"):
         palpate.Client(encrypted.server.url, token=encrypted.robot, connect_timeout=1.0).connect()
+
+
+def test_a_server_that_speaks_tls_is_not_called_in_the_clear(encrypted: Lab) -> None:
+    url = encrypted.server.url.replace("https://", "http://")
+    with pytest.raises(palpate.NoServer, match="https://"):
+        palpate.Client(url, token=encrypted.robot, connect_timeout=1.0).connect()
 
 
 def test_asyncio_calls_over_tls_as_well(encrypted: Lab) -> None:
@@ -140,6 +146,46 @@ def test_asyncio_calls_over_tls_as_well(encrypted: Lab) -> None:
             return (await client.create_session()).id
 
     assert asyncio.run(run())
+
+
+def test_asyncio_is_told_as_well_who_may_not_and_knows_callers_by_their_certificates(encrypted: Lab) -> None:
+    async def run() -> None:
+        url, ca = encrypted.server.url, encrypted.ca
+        async with palpate.aio.Client(url, token=encrypted.wall, ca=ca) as wall:
+            with pytest.raises(palpate.PermissionDenied):
+                await wall.create_session()
+        certificate, key = encrypted.identity("robot:arm-3")
+        guest = token(encrypted.database, "passer-by")
+        async with palpate.aio.Client(url, ca=ca, certificate=certificate, key=key) as robot:
+            session_id = (await robot.create_session()).id
+        async with palpate.aio.Client(url, token=guest, ca=ca) as client:
+            updates = (await client.session(session_id)).watch(0)
+            await updates.__anext__()
+            command = [program(), "token", "revoke", "--database", str(encrypted.database), "passer-by"]
+            subprocess.run(command, check=True, capture_output=True)
+            with pytest.raises(palpate.Unauthenticated):
+                async for _ in updates:
+                    pass
+
+    asyncio.run(run())
+
+
+def test_a_robot_explores_with_a_token(plain: Lab) -> None:
+    with palpate.Client(plain.server.url, token=plain.robot) as client:
+        session = client.create_session(table_z=0.06)
+        session.add_prior(BALL.seen_from((0.5, 0.0, 0.6)), viewpoint=(0.5, 0.0, 0.6))
+        assert palpate.explore(BALL, session, 3).attempts == 3
+
+
+def test_an_environment_for_the_lab_leaves_other_servers_alone(
+    server: palpate.LocalServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("PALPATE_CA", "PALPATE_CERTIFICATE", "PALPATE_KEY"):
+        monkeypatch.setenv(name, "/nowhere.pem")
+    with palpate.Client(server.url) as client:
+        assert client.connect().version
+    with pytest.raises(FileNotFoundError, match="/nowhere.pem"):
+        palpate.Client("https://lab")
 
 
 def test_what_cannot_be_is_named_before_anything_is_sent(tmp_path: Path) -> None:
@@ -152,8 +198,11 @@ def test_what_cannot_be_is_named_before_anything_is_sent(tmp_path: Path) -> None
     (tmp_path / "ca.pem").write_text("nothing")
     with pytest.raises(ValueError, match="ca: .* no PEM file"):
         palpate.Client("https://lab", ca=tmp_path / "ca.pem")
-    with pytest.raises(FileNotFoundError):
+    with pytest.raises(FileNotFoundError, match="nowhere.pem"):
         palpate.Client("https://lab", ca=tmp_path / "nowhere.pem")
+    with pytest.raises(FileNotFoundError) as refused:
+        palpate.Client("https://lab", certificate=b"-----BEGIN CERTIFICATE-----", key="c2VjcmV0")
+    assert "c2VjcmV0" not in str(refused.value)
 
 
 def test_a_token_in_the_clear_to_another_machine_is_warned_of() -> None:

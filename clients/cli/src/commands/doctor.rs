@@ -69,7 +69,7 @@ pub(crate) async fn run(args: Args) -> Result<(), Failure> {
     host::open_files(&limits, &mut findings);
     port::report(args.serve.listen, is_held, &mut findings).await;
     if let Some(url) = &args.server {
-        server::report(&args.caller.http()?, url, &limits, &mut findings).await;
+        server::report(&args.caller.http(url)?, url, &limits, &mut findings).await;
     }
     print(&findings, args.json)
 }

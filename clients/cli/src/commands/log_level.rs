@@ -35,7 +35,7 @@ pub(crate) struct Args {
 /// Asks, and prints what holds now.
 pub(crate) async fn run(args: Args) -> Result<(), Failure> {
     let url = format!("{}/v1/log-level", args.server.url);
-    let client = args.server.caller.http()?;
+    let client = args.server.caller.http(&args.server.url)?;
     let request = match &args.filter {
         None => client.get(&url),
         Some(filter) => {

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use std::process;
 
 use axum::middleware::from_fn_with_state;
+use clap::builder::FalseyValueParser;
 use http::HeaderValue;
 use tokio::net::TcpListener;
 use tokio_util::sync::CancellationToken;
@@ -61,7 +62,7 @@ pub(crate) struct Args {
 
     /// Ask callers for a token on the loopback, too; `palpate token create` makes them. On other addresses they are
     /// always asked.
-    #[arg(long, env = "PALPATE_REQUIRE_TOKENS", help_heading = "Access")]
+    #[arg(long, env = "PALPATE_REQUIRE_TOKENS", help_heading = "Access", value_parser = FalseyValueParser::new())]
     require_tokens: bool,
 
     /// Speak TLS with this certificate, in PEM, with those up to its authority. It is read again when it changes.

@@ -36,7 +36,8 @@ pub(super) struct CallerArgs {
     #[arg(long, env = "PALPATE_TOKEN_FILE", value_name = "FILE")]
     token_file: Option<PathBuf>,
 
-    /// The authority that the server's certificate comes from, in PEM, instead of those that the system trusts.
+    /// The authority that the server's certificate comes from, in PEM, instead of those that the system trusts; for
+    /// https://, as the next two.
     #[arg(long = "ca", env = "PALPATE_CA", value_name = "FILE")]
     authority: Option<PathBuf>,
 
@@ -58,7 +59,7 @@ impl ServerArgs {
 impl CallerArgs {
     /// A client of the server at this address, which says who calls.
     pub(super) fn client(&self, url: &str) -> Result<ClientBuilder, Failure> {
-        let Credentials { token, authority, identity } = self.credentials()?;
+        let Credentials { token, authority, identity } = self.credentials(url)?;
         let mut builder = Client::builder(url);
         if let Some(token) = token {
             builder = builder.token(&token);
@@ -72,12 +73,16 @@ impl CallerArgs {
         Ok(builder)
     }
 
-    /// A plain HTTP client that shows the same.
-    pub(super) fn http(&self) -> Result<reqwest::Client, Failure> {
-        probe::client(&self.credentials()?)
+    /// A plain HTTP client of the server at this address, which shows the same.
+    pub(super) fn http(&self, url: &str) -> Result<reqwest::Client, Failure> {
+        probe::client(&self.credentials(url)?)
     }
 
-    fn credentials(&self) -> Result<Credentials, Failure> {
+    /// Certificates are for https:// alone: a shell that is set up for a lab's server still calls others in the clear.
+    fn credentials(&self, url: &str) -> Result<Credentials, Failure> {
+        if !url.starts_with("https://") {
+            return Ok(Credentials { token: self.token()?, ..Credentials::default() });
+        }
         let authority = self.authority.as_ref().map(|path| read("--ca", path)).transpose()?;
         let identity = match (&self.certificate, &self.key) {
             (Some(certificate), Some(key)) => {
@@ -129,5 +134,13 @@ mod tests {
         let caller = CallerArgs { token_file: Some("/nowhere/token".into()), ..CallerArgs::default() };
         let failure = caller.client("http://127.0.0.1:1").unwrap_err().to_string();
         assert!(failure.contains("--token-file /nowhere/token"), "{failure}");
+    }
+
+    #[test]
+    fn certificates_of_the_environment_leave_addresses_in_the_clear_alone() {
+        let caller = CallerArgs { authority: Some("/nowhere/ca.pem".into()), ..CallerArgs::default() };
+        assert!(caller.client("http://127.0.0.1:1").is_ok());
+        let failure = caller.client("https://127.0.0.1:1").unwrap_err().to_string();
+        assert!(failure.contains("--ca /nowhere/ca.pem"), "{failure}");
     }
 }

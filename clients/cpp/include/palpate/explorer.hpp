@@ -54,7 +54,7 @@ enum class State : std::uint8_t {
 
 // Who calls, and whom they trust. All that is empty is left out; the last three are the content of PEM files.
 struct Access {
-  std::string token;        // as `palpate token create` prints it
+  std::string token;        // as `palpate token create` prints it; anybody on the way reads it unless it is https://
   std::string authority;    // of the server's certificate; without one those count that gRPC brings along
   std::string certificate;  // says who calls in place of a token, with its private key
   std::string key;

@@ -35,9 +35,11 @@ def access(url: str, token: str | None, ca: Pem | None, certificate: Pem | None,
     """
     is_encrypted = urlsplit(url).scheme == "https"
     token = _token(token)
-    ca = ca or os.environ.get("PALPATE_CA")
-    certificate = certificate or os.environ.get("PALPATE_CERTIFICATE")
-    key = key or os.environ.get("PALPATE_KEY")
+    # A shell that is set up for a lab's server still calls others in the clear.
+    if is_encrypted:
+        ca = ca or os.environ.get("PALPATE_CA")
+        if certificate is None and key is None:
+            certificate, key = os.environ.get("PALPATE_CERTIFICATE"), os.environ.get("PALPATE_KEY")
     if (certificate is None) != (key is None):
         raise ValueError("certificate and key belong together: give both")
     metadata = (("authorization", f"Bearer {token}"),) if token else ()
@@ -72,7 +74,14 @@ def _pem(pem: Pem, name: str) -> bytes:
         return pem
     if isinstance(pem, str) and "-----BEGIN" in pem:
         return pem.encode()
-    content = Path(pem).read_bytes()
+    try:
+        content = Path(pem).read_bytes()
+    except OSError as error:
+        # What was taken for the path of a key may be the key.
+        shown = "" if name == "key" else f" {pem}"
+        raise type(error)(
+            f"{name}:{shown} is no file that can be read, and no text of one ({error.strerror})"
+        ) from None
     if b"-----BEGIN" not in content:
         raise ValueError(f"{name}: {pem} is no PEM file")
     return content

@@ -74,11 +74,20 @@ class PalpateError(Exception):
         return False
 
 
+def _what_to_do(detail: str) -> str:
+    """About a connection that was not made, by what gRPC says of it."""
+    if "CERTIFICATE_VERIFY_FAILED" in detail:
+        return "its certificate is not trusted: give the authority that it comes from as `ca=`"
+    if "SETTINGS frame" in detail:
+        return "it speaks TLS, as it seems: write https://"
+    return "is one running there? `palpate serve` starts one"
+
+
 class NoServer(PalpateError):
     """Nobody answers at the address."""
 
     def __init__(self, url: str, detail: str):
-        super().__init__(f"no server answers at {url} ({detail}); is one running there? `palpate serve` starts one")
+        super().__init__(f"no server answers at {url} ({detail}); {_what_to_do(detail)}")
         self.url = url
 
     def is_transient(self) -> bool:

@@ -45,7 +45,7 @@ pub(super) async fn report(listen: SocketAddr, is_held: bool, findings: &mut Fin
 
 /// What a server there tells a stranger of its version; nothing where it is no palpate.
 async fn version_at(url: &str) -> Option<String> {
-    let client = CallerArgs::default().http().ok()?;
+    let client = CallerArgs::default().http(url).ok()?;
     let said = ask(&client, url, "/version").await.ok()?.json;
     let is_guarded =
         matches!(said["reason"].as_str(), Some("TOKEN_MISSING" | "TOKEN_INVALID" | "TLS_NEEDED"));
