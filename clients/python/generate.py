@@ -39,6 +39,7 @@ BLOCKING = [
     ("__aexit__", "__exit__"),
     ("__aiter__", "__iter__"),
     ("grpc.aio.", "grpc."),
+    ("connect_aio", "connect"),
     ("palpate.aio.", "palpate."),
 ]
 GENERATED = ["client.py", "session.py", "exploration.py"]

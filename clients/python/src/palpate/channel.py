@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from urllib.parse import urlsplit
 
+import grpc
+import grpc.aio
+
 #: A mesh of the finest tessellation fits with room to spare.
 MAX_REPLY_BYTES = 64 * 1024 * 1024
 
@@ -39,3 +42,22 @@ def target(url: str) -> str:
         raise ValueError(f"{url!r} is not the address of a server; one looks like http://127.0.0.1:7257")
     port = port or (443 if parts.scheme == "https" else 80)
     return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+
+
+def connect(target: str, credentials: grpc.ChannelCredentials | None) -> grpc.Channel:
+    """A connection that is made when it is needed first; in the clear without `credentials`."""
+    if credentials is None:
+        channel = grpc.insecure_channel(target, OPTIONS)
+    else:
+        channel = grpc.secure_channel(target, credentials, OPTIONS)
+    # grpcio up to 1.71 looks after a connection only while a call waits for it, and otherwise every five seconds, by
+    # when a connection that is made between two attempts was given up: a server that came back would never be found.
+    channel.subscribe(lambda _: None)
+    return channel
+
+
+def connect_aio(target: str, credentials: grpc.ChannelCredentials | None) -> grpc.aio.Channel:
+    """The same for asyncio, which looks after its connections itself."""
+    if credentials is None:
+        return grpc.aio.insecure_channel(target, OPTIONS)
+    return grpc.aio.secure_channel(target, credentials, OPTIONS)

@@ -15,7 +15,7 @@ from palpate import calls, v1
 from palpate.access import Pem, access
 from palpate.session import Session
 from palpate.calls import Call
-from palpate.channel import OPTIONS, target
+from palpate.channel import connect, target
 from palpate.errors import NoAnswer, NoServer, from_rpc_error
 from palpate.retry import Attempts, new_request_id
 from palpate.streams import import_requests
@@ -249,8 +249,5 @@ class Client:
 
     def _open(self) -> grpc.Channel:
         if self._channel is None:
-            if self._access.credentials is None:
-                self._channel = grpc.insecure_channel(self._target, OPTIONS)
-            else:
-                self._channel = grpc.secure_channel(self._target, self._access.credentials, OPTIONS)
+            self._channel = connect(self._target, self._access.credentials)
         return self._channel

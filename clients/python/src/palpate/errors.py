@@ -78,8 +78,9 @@ def _what_to_do(detail: str) -> str:
     """About a connection that was not made, by what gRPC says of it."""
     if "CERTIFICATE_VERIFY_FAILED" in detail:
         return "its certificate is not trusted: give the authority that it comes from as `ca=`"
-    if "SETTINGS frame" in detail:
-        return "it speaks TLS, as it seems: write https://"
+    # By the age of grpcio: what a port that speaks TLS, or no gRPC at all, makes of a call in the clear.
+    if "SETTINGS frame" in detail or "http1.x server" in detail:
+        return "it speaks no gRPC in the clear: write https:// if it speaks TLS, or check the port"
     return "is one running there? `palpate serve` starts one"
 
 
