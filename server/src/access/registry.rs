@@ -20,7 +20,7 @@ use crate::store::{OpenError, StoreError, TokenFile, TokenReader, TokenRow};
 
 /// How often the tokens are read again.
 const REFRESH: Duration = Duration::from_secs(1);
-/// A token that is not known has them read at once, but not more often than this.
+/// A token that is not known has them read before it is refused, but not more often than this.
 const SOONEST: Duration = Duration::from_millis(100);
 /// Tokens of one database: all are held in memory.
 const MOST: usize = 1000;
@@ -47,7 +47,7 @@ impl Registry {
         let (refreshing, mut rounds) = (registry.clone(), tokio::time::interval(REFRESH));
         tokio::spawn(async move {
             while stopping.run_until_cancelled(rounds.tick()).await.is_some() {
-                refreshing.refresh(Duration::ZERO).await;
+                refreshing.refresh().await;
             }
         });
         Ok(registry)
@@ -60,7 +60,7 @@ impl Registry {
     pub(super) async fn caller(&self, text: &str) -> Result<Caller, Error> {
         let token = Token::parse(text).ok_or(Error::TokenInvalid)?;
         if !self.known.borrow().contains_key(&token.id) {
-            self.refresh(SOONEST).await;
+            self.refresh().await;
         }
         let known = self.known.borrow().clone();
         // A token of an id that does not exist takes as long to refuse as one with a wrong secret.
@@ -94,11 +94,15 @@ impl Registry {
         self.known.borrow().values().any(|row| in_force(row, now_us()).is_ok())
     }
 
-    async fn refresh(&self, not_within: Duration) {
+    /// Reads the tokens as they are now or later; who asks while others do shares what they read.
+    async fn refresh(&self) {
+        let asked_at = Instant::now();
         let mut read_at = self.read_at.lock().await;
-        if read_at.elapsed() < not_within {
+        if *read_at > asked_at {
             return;
         }
+        tokio::time::sleep_until(*read_at + SOONEST).await;
+        *read_at = Instant::now();
         match self.reader.rows().await {
             Ok(rows) => {
                 let rows = by_id(rows);
@@ -111,7 +115,6 @@ impl Registry {
             // Those that were in force stay so: a disk that does not answer is no reason to lock robots out.
             Err(error) => tracing::warn!(%error, "the tokens cannot be read again: those of before count"),
         }
-        *read_at = Instant::now();
     }
 }
 
@@ -359,8 +362,8 @@ mod tests {
         let registry = Registry::start(store.token_reader(), stopping.clone()).await.unwrap();
         assert!(!registry.has_usable());
         let mut tokens = Tokens::open(&database).await.unwrap();
+        // The tokens were read a moment ago, and without this one.
         let issued = tokens.create(&new("arm")).await.unwrap();
-        tokio::time::sleep(SOONEST).await;
         let caller = registry.caller(&issued.token).await.unwrap();
         assert_eq!((caller.actor(), caller.scope()), (format!("arm/{}", issued.id).as_str(), Scope::Robot));
         let forged = format!("{}0", &issued.token[..issued.token.len() - 1]);

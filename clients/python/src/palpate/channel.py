@@ -22,6 +22,8 @@ OPTIONS: list[tuple[str, int]] = [
     ("grpc.keepalive_time_ms", 15_000),
     ("grpc.keepalive_timeout_ms", 10_000),
     ("grpc.http2.max_pings_without_data", 0),
+    # A connection that is made anew begins anew, without the waits of the one before.
+    ("grpc.use_local_subchannel_pool", 1),
     # Robots are called directly, whatever proxy the machine has for the web.
     ("grpc.enable_http_proxy", 0),
 ]
@@ -47,17 +49,12 @@ def target(url: str) -> str:
 def connect(target: str, credentials: grpc.ChannelCredentials | None) -> grpc.Channel:
     """A connection that is made when it is needed first; in the clear without `credentials`."""
     if credentials is None:
-        channel = grpc.insecure_channel(target, OPTIONS)
-    else:
-        channel = grpc.secure_channel(target, credentials, OPTIONS)
-    # grpcio up to 1.71 looks after a connection only while a call waits for it, and otherwise every five seconds, by
-    # when a connection that is made between two attempts was given up: a server that came back would never be found.
-    channel.subscribe(lambda _: None)
-    return channel
+        return grpc.insecure_channel(target, OPTIONS)
+    return grpc.secure_channel(target, credentials, OPTIONS)
 
 
 def connect_aio(target: str, credentials: grpc.ChannelCredentials | None) -> grpc.aio.Channel:
-    """The same for asyncio, which looks after its connections itself."""
+    """The same for asyncio."""
     if credentials is None:
         return grpc.aio.insecure_channel(target, OPTIONS)
     return grpc.aio.secure_channel(target, credentials, OPTIONS)

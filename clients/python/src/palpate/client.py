@@ -16,7 +16,7 @@ from palpate.access import Pem, access
 from palpate.session import Session
 from palpate.calls import Call
 from palpate.channel import connect, target
-from palpate.errors import NoAnswer, NoServer, from_rpc_error
+from palpate.errors import NoAnswer, NoServer, PalpateError, from_rpc_error
 from palpate.retry import Attempts, new_request_id
 from palpate.streams import import_requests
 
@@ -190,15 +190,16 @@ class Client:
         """
         header = v1.CreateSessionRequest(session_id=session_id, experiment=experiment, request_id=new_request_id())
         self.connect()
-        method = self._open().stream_unary(
-            "/palpate.v1.SessionService/ImportSession",
-            request_serializer=v1.ImportSessionRequest.SerializeToString,
-            response_deserializer=v1.Session.FromString,
-        )
-        info = self._again(
-            lambda left: method(import_requests(Path(path), header), timeout=left, metadata=self._access.metadata),
-            self.timeout,
-        )
+
+        def attempt(left: float) -> Any:
+            method = self._open().stream_unary(
+                "/palpate.v1.SessionService/ImportSession",
+                request_serializer=v1.ImportSessionRequest.SerializeToString,
+                response_deserializer=v1.Session.FromString,
+            )
+            return method(import_requests(Path(path), header), timeout=left, metadata=self._access.metadata)
+
+        info = self._again(attempt, self.timeout)
         return Session(self, info)
 
     # How the calls are carried out, for `Session`.
@@ -225,19 +226,20 @@ class Client:
             for reply in replies:
                 yield call.read(reply)
         except grpc.RpcError as error:
-            raise from_rpc_error(error, 1) from None
+            raise self._failure(error, 1) from None
         finally:
             replies.cancel()
 
     def _run(self, call: Call[T], timeout: float) -> T:
-        method = self._open().unary_unary(
-            call.path,
-            request_serializer=type(call.request).SerializeToString,
-            response_deserializer=call.reply.FromString,
-        )
-        return call.read(
-            self._again(lambda left: method(call.request, timeout=left, metadata=self._access.metadata), timeout)
-        )
+        def attempt(left: float) -> Any:
+            method = self._open().unary_unary(
+                call.path,
+                request_serializer=type(call.request).SerializeToString,
+                response_deserializer=call.reply.FromString,
+            )
+            return method(call.request, timeout=left, metadata=self._access.metadata)
+
+        return call.read(self._again(attempt, timeout))
 
     def _again(self, attempt: Callable[[float], Any], timeout: float) -> Any:
         attempts = Attempts(timeout)
@@ -245,7 +247,16 @@ class Client:
             try:
                 return attempt(attempts.time_left())
             except grpc.RpcError as error:
-                time.sleep(attempts.wait_after(from_rpc_error(error, attempts.number)))
+                time.sleep(attempts.wait_after(self._failure(error, attempts.number)))
+
+    def _failure(self, error: grpc.RpcError, attempts: int) -> PalpateError:
+        failure = from_rpc_error(error, attempts)
+        if isinstance(failure, NoAnswer):
+            # grpcio up to 1.71 looks after a connection only while a call waits for it, and otherwise every five
+            # seconds, by when one that is made between two attempts was given up: a server that came back would
+            # never be found. So the next attempt makes a connection of its own.
+            self._channel = None
+        return failure
 
     def _open(self) -> grpc.Channel:
         if self._channel is None:

@@ -15,7 +15,7 @@ from palpate.access import Pem, access
 from palpate.aio.session import Session
 from palpate.calls import Call
 from palpate.channel import connect_aio, target
-from palpate.errors import NoAnswer, NoServer, from_rpc_error
+from palpate.errors import NoAnswer, NoServer, PalpateError, from_rpc_error
 from palpate.retry import Attempts, new_request_id
 from palpate.streams import import_requests
 
@@ -189,15 +189,16 @@ class Client:
         """
         header = v1.CreateSessionRequest(session_id=session_id, experiment=experiment, request_id=new_request_id())
         await self.connect()
-        method = self._open().stream_unary(
-            "/palpate.v1.SessionService/ImportSession",
-            request_serializer=v1.ImportSessionRequest.SerializeToString,
-            response_deserializer=v1.Session.FromString,
-        )
-        info = await self._again(
-            lambda left: method(import_requests(Path(path), header), timeout=left, metadata=self._access.metadata),
-            self.timeout,
-        )
+
+        def attempt(left: float) -> Awaitable[Any]:
+            method = self._open().stream_unary(
+                "/palpate.v1.SessionService/ImportSession",
+                request_serializer=v1.ImportSessionRequest.SerializeToString,
+                response_deserializer=v1.Session.FromString,
+            )
+            return method(import_requests(Path(path), header), timeout=left, metadata=self._access.metadata)
+
+        info = await self._again(attempt, self.timeout)
         return Session(self, info)
 
     # How the calls are carried out, for `Session`.
@@ -224,19 +225,20 @@ class Client:
             async for reply in replies:
                 yield call.read(reply)
         except grpc.RpcError as error:
-            raise from_rpc_error(error, 1) from None
+            raise self._failure(error, 1) from None
         finally:
             replies.cancel()
 
     async def _run(self, call: Call[T], timeout: float) -> T:
-        method = self._open().unary_unary(
-            call.path,
-            request_serializer=type(call.request).SerializeToString,
-            response_deserializer=call.reply.FromString,
-        )
-        return call.read(
-            await self._again(lambda left: method(call.request, timeout=left, metadata=self._access.metadata), timeout)
-        )
+        def attempt(left: float) -> Awaitable[Any]:
+            method = self._open().unary_unary(
+                call.path,
+                request_serializer=type(call.request).SerializeToString,
+                response_deserializer=call.reply.FromString,
+            )
+            return method(call.request, timeout=left, metadata=self._access.metadata)
+
+        return call.read(await self._again(attempt, timeout))
 
     async def _again(self, attempt: Callable[[float], Awaitable[Any]], timeout: float) -> Any:
         attempts = Attempts(timeout)
@@ -244,7 +246,16 @@ class Client:
             try:
                 return await attempt(attempts.time_left())
             except grpc.RpcError as error:
-                await asyncio.sleep(attempts.wait_after(from_rpc_error(error, attempts.number)))
+                await asyncio.sleep(attempts.wait_after(self._failure(error, attempts.number)))
+
+    def _failure(self, error: grpc.RpcError, attempts: int) -> PalpateError:
+        failure = from_rpc_error(error, attempts)
+        if isinstance(failure, NoAnswer):
+            # grpcio up to 1.71 looks after a connection only while a call waits for it, and otherwise every five
+            # seconds, by when one that is made between two attempts was given up: a server that came back would
+            # never be found. So the next attempt makes a connection of its own.
+            self._channel = None
+        return failure
 
     def _open(self) -> grpc.aio.Channel:
         if self._channel is None:
