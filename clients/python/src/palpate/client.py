@@ -192,7 +192,8 @@ class Client:
         self.connect()
 
         def attempt(left: float) -> Any:
-            method = self._open().stream_unary(
+            channel = self._open()
+            method = channel.stream_unary(
                 "/palpate.v1.SessionService/ImportSession",
                 request_serializer=v1.ImportSessionRequest.SerializeToString,
                 response_deserializer=v1.Session.FromString,
@@ -216,7 +217,8 @@ class Client:
             PalpateError: at the reply that did not come.
         """
         self.connect()
-        method = self._open().unary_stream(
+        channel = self._open()
+        method = channel.unary_stream(
             call.path,
             request_serializer=type(call.request).SerializeToString,
             response_deserializer=call.reply.FromString,
@@ -232,7 +234,9 @@ class Client:
 
     def _run(self, call: Call[T], timeout: float) -> T:
         def attempt(left: float) -> Any:
-            method = self._open().unary_unary(
+            # Held until the answer is there: a channel that nobody holds ends its calls.
+            channel = self._open()
+            method = channel.unary_unary(
                 call.path,
                 request_serializer=type(call.request).SerializeToString,
                 response_deserializer=call.reply.FromString,

@@ -190,13 +190,14 @@ class Client:
         header = v1.CreateSessionRequest(session_id=session_id, experiment=experiment, request_id=new_request_id())
         await self.connect()
 
-        def attempt(left: float) -> Awaitable[Any]:
-            method = self._open().stream_unary(
+        async def attempt(left: float) -> Any:
+            channel = self._open()
+            method = channel.stream_unary(
                 "/palpate.v1.SessionService/ImportSession",
                 request_serializer=v1.ImportSessionRequest.SerializeToString,
                 response_deserializer=v1.Session.FromString,
             )
-            return method(import_requests(Path(path), header), timeout=left, metadata=self._access.metadata)
+            return await method(import_requests(Path(path), header), timeout=left, metadata=self._access.metadata)
 
         info = await self._again(attempt, self.timeout)
         return Session(self, info)
@@ -215,7 +216,8 @@ class Client:
             PalpateError: at the reply that did not come.
         """
         await self.connect()
-        method = self._open().unary_stream(
+        channel = self._open()
+        method = channel.unary_stream(
             call.path,
             request_serializer=type(call.request).SerializeToString,
             response_deserializer=call.reply.FromString,
@@ -230,13 +232,15 @@ class Client:
             replies.cancel()
 
     async def _run(self, call: Call[T], timeout: float) -> T:
-        def attempt(left: float) -> Awaitable[Any]:
-            method = self._open().unary_unary(
+        async def attempt(left: float) -> Any:
+            # Held until the answer is there: a channel that nobody holds ends its calls.
+            channel = self._open()
+            method = channel.unary_unary(
                 call.path,
                 request_serializer=type(call.request).SerializeToString,
                 response_deserializer=call.reply.FromString,
             )
-            return method(call.request, timeout=left, metadata=self._access.metadata)
+            return await method(call.request, timeout=left, metadata=self._access.metadata)
 
         return call.read(await self._again(attempt, timeout))
 
