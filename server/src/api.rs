@@ -32,6 +32,7 @@ use std::net::IpAddr;
 use std::sync::Arc;
 use std::thread::available_parallelism;
 
+use http::HeaderMap;
 use palpate_core::reconstruction;
 use palpate_proto::v1;
 use prost::{Message, Name};
@@ -84,6 +85,22 @@ pub(crate) struct Call {
     pub(crate) caller: Caller,
     /// Where the call comes from, if the connection knows; it bounds the streams of one machine.
     pub(crate) peer: Option<IpAddr>,
+    /// The revision that the session has to have reached: what the caller saw last, perhaps at another server.
+    pub(crate) at_least: Option<i64>,
+}
+
+/// The header, or the metadata of gRPC, that says so.
+pub(crate) const MIN_REVISION: &str = "x-min-revision";
+
+/// What the header says.
+///
+/// # Errors
+/// It is no revision.
+pub(crate) fn min_revision(headers: &HeaderMap) -> Result<Option<i64>, Error> {
+    let Some(value) = headers.get(MIN_REVISION) else { return Ok(None) };
+    let revision =
+        value.to_str().ok().and_then(|text| text.trim().parse().ok()).filter(|revision| *revision >= 0);
+    revision.map(Some).ok_or_else(|| Error::field(MIN_REVISION, "is no revision: a number from 0 on"))
 }
 
 impl Api {
@@ -95,6 +112,7 @@ impl Api {
         let sessions = Arc::new(Sessions::new(store, pool, event::FOLDING, limits.clone(), stopping.clone()));
         tokio::spawn(sessions.clone().prove_all());
         tokio::spawn(sessions.clone().forget_idle());
+        tokio::spawn(sessions.clone().follow_others());
         Self {
             sessions,
             places: Places::default(),
@@ -205,6 +223,9 @@ impl Api {
         self.run(method, session_id, call, async |deadline| {
             from_proto::check_session_named("session_id", session_id)?;
             self.check_visible(session_id, &call.caller).await?;
+            if let Some(revision) = call.at_least {
+                self.sessions.reach(session_id, revision, deadline).await?;
+            }
             work(deadline).await
         })
         .await
@@ -224,7 +245,8 @@ impl Api {
         if caller.experiments().is_none() {
             return Ok(Some(true));
         }
-        let experiment = match self.sessions.loaded(session_id) {
+        let loaded = self.sessions.loaded(session_id).filter(|_| !self.sessions.store.is_shared());
+        let experiment = match loaded {
             Some(snapshot) => Some(snapshot.definition.experiment.clone()),
             None => self.sessions.store.experiment_of(session_id).await?,
         };

@@ -27,7 +27,7 @@ use tower::Layer;
 
 use crate::access::Caller;
 use crate::access::guard::Guard;
-use crate::api::{Api, Call};
+use crate::api::{Api, Call, min_revision};
 use crate::error::Error;
 use crate::peer;
 use crate::serve::bodies::{Bodies, Kind};
@@ -136,7 +136,9 @@ fn replies<T: 'static>(
 fn call<T>(request: &Request<T>) -> Result<Call, Status> {
     let caller = Caller::of(request.extensions()).map_err(|error| status(&error))?;
     let peer = peer::address(request.extensions());
+    let at_least = min_revision(request.metadata().as_ref()).map_err(|error| status(&error))?;
     Ok(Call {
+        at_least,
         deadline: timeout(request.metadata().as_ref())
             .and_then(|timeout| Instant::now().checked_add(timeout.saturating_sub(MARGIN.min(timeout / 4)))),
         caller,

@@ -28,6 +28,7 @@ mod wire;
 pub use limits::Limits;
 pub use serve::{ServeError, ServeOptions, TlsError, TlsFiles, parse_host, parse_origin, serve};
 pub use store::{
-    BackupError, Copied, Inspection, Older, OpenError, Progress, Proof, Restored, Witnessed, back_up,
-    inspect, restore,
+    Address, AddressError, BackupError, Copied, Inspection, Location, MigrateError, Migrated, Older,
+    OpenError, Progress, Proof, Restored, SharedInspection, Witnessed, back_up, inspect, inspect_shared,
+    migrate, restore,
 };

@@ -145,6 +145,14 @@ pub struct Limits {
     pub database_bytes: u64,
     /// Bytes of the file beside the database that sessions open from quickly; the oldest of it gives way.
     pub checkpoint_bytes: u64,
+    /// Connections to PostgreSQL, where that holds the log: half of them read, and half of them write.
+    pub database_connections: u32,
+    /// How long PostgreSQL may take for a statement, a commit or a new connection.
+    pub database_timeout: Duration,
+    /// Where other servers write the same log: for how long a session in memory may be shown without a look at it.
+    pub staleness: Duration,
+    /// The same for sessions that somebody watches, which are looked after all together.
+    pub follow: Duration,
     /// How fast logs are proved in the background, in bytes a second.
     pub proof_bytes_per_s: u64,
     /// Pause between two rounds of that.
@@ -299,6 +307,10 @@ impl Default for Limits {
             import_bytes: 320 << 20,
             database_bytes: 64 << 30,
             checkpoint_bytes: 1 << 30,
+            database_connections: 16,
+            database_timeout: Duration::from_secs(10),
+            staleness: Duration::from_millis(200),
+            follow: Duration::from_millis(100),
             proof_bytes_per_s: 64 << 20,
             proof_pause: Duration::from_secs(6 * 3600),
             unprintable_names: false,

@@ -11,7 +11,6 @@ mod stall;
 mod tls;
 
 use std::net::SocketAddr;
-use std::path::PathBuf;
 use std::sync::Arc;
 
 use axum::Router;
@@ -24,7 +23,7 @@ use crate::access::Registry;
 use crate::access::guard::Guard;
 use crate::api::Api;
 use crate::limits::Limits;
-use crate::store::{OpenError, Store};
+use crate::store::{Location, OpenError, Store};
 use crate::{cors, grpc, http as web};
 use bodies::Bodies;
 use connection::Connections;
@@ -36,8 +35,8 @@ pub use tls::{TlsError, TlsFiles};
 /// What a server is started with.
 #[derive(Clone, Debug)]
 pub struct ServeOptions {
-    /// The SQLite file that holds all sessions; made where it does not exist.
-    pub database: PathBuf,
+    /// Where all sessions are; a file is made where it does not exist.
+    pub database: Location,
     /// The bounds on what comes from the network.
     pub limits: Limits,
     /// Web origins whose pages may call, such as `https://lab.example`; no other page may, and there is no wildcard.
@@ -58,7 +57,7 @@ pub struct ServeOptions {
 impl Default for ServeOptions {
     fn default() -> Self {
         Self {
-            database: "palpate.db".into(),
+            database: Location::File("palpate.db".into()),
             limits: Limits::default(),
             allowed_origins: Vec::new(),
             allowed_hosts: Vec::new(),
@@ -77,14 +76,13 @@ pub enum ServeError {
     Store(#[from] OpenError),
     /// Callers have to say who they are, and none of them can.
     #[error(
-        "this server would ask callers for tokens, and the database {} has none in force.\n\
-         Make one first:  palpate token create --database {} --name arm-1\n\
-         On 127.0.0.1 none are asked unless required; --insecure-open asks nobody, on any address.",
-        .database.display(), .database.display()
+        "this server would ask callers for tokens, and the database {database} has none in force.\n\
+         Make one first:  palpate token create --database {database} --name arm-1\n\
+         On 127.0.0.1 none are asked unless required; --insecure-open asks nobody, on any address."
     )]
     NobodyMayCall {
         /// Whose tokens count.
-        database: PathBuf,
+        database: Location,
     },
     /// The tokens cannot be read.
     #[error("the tokens cannot be read: {0}")]
@@ -152,7 +150,7 @@ pub async fn serve(
     } else {
         None
     };
-    let guard = Guard::new(registry, &limits, store.metrics.clone());
+    let guard = Guard::new(registry, &store, &limits);
     let api = Api::new(store, limits, shutdown.clone());
     let bodies = Bodies::new(api.limits());
     let (grpc_routes, health) = grpc::router(&api, guard.clone(), bodies.clone())?;
@@ -170,7 +168,7 @@ pub async fn serve(
         api = %format!("{scheme}://{address}"),
         dashboard = %format!("{scheme}://{address}/"),
         docs = %format!("{scheme}://{address}/docs"),
-        database = %database.display(),
+        %database,
         "palpate listens for gRPC and HTTP"
     );
 

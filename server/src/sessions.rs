@@ -17,6 +17,7 @@ mod checkpoint;
 mod copying;
 mod creation;
 mod deletion;
+mod freshness;
 mod gate;
 mod live;
 mod past;
@@ -218,7 +219,12 @@ impl<S: Aggregate> Sessions<S> {
         deadline: Instant,
     ) -> Result<Arc<S>, Error> {
         let (live, states) = self.open(session_id, queue, deadline).await?;
-        let newest = states.borrow().clone();
+        let mut newest = states.borrow().clone();
+        if revision > newest.revision() {
+            // Another server may have appended it a moment ago.
+            self.refresh(session_id, &live, Instant::now(), deadline).await?;
+            newest = states.borrow().clone();
+        }
         let head = newest.revision();
         if revision == 0 || revision == head {
             return Ok(newest);
@@ -323,6 +329,9 @@ impl<S: Aggregate> Sessions<S> {
     ) -> Result<(Arc<Live<S>>, States<S>), Error> {
         let live = self.live.get(session_id);
         if let Some(states) = live.states() {
+            let now = Instant::now();
+            let since = now.checked_sub(self.limits.staleness).unwrap_or(now);
+            self.refresh(session_id, &live, since, deadline).await?;
             return Ok((live, states));
         }
         let (this, loading, id) = (self.clone(), live.clone(), session_id.to_owned());

@@ -1,39 +1,44 @@
-//! The event log on disk, in SQLite: one writer that commits in groups, and a pool of readers.
+//! The event log on disk, in SQLite or on PostgreSQL, and a pool of readers.
 //!
 //! ```text
-//! append, create, delete --> bounded queue --> writer: begin, each in a savepoint, commit --> acknowledged
+//! append, create, delete --> SQLite:     bounded queue --> writer: begin, each in a savepoint, commit --> acknowledged
+//!                        `-> PostgreSQL: bounded number --> each: begin, change, commit               --> acknowledged
 //! session, events, list  --> read-only pool --> each event checked by its link
 //! ```
 //!
 //! Nothing is acknowledged before its commit has returned, and a commit returns when it is on disk
-//! (WAL, synchronous = full). What payloads and replies mean is not known here: they are bytes.
+//! (WAL, synchronous = full; synchronous_commit = on). What payloads and replies mean is not known here: they are bytes.
 
 mod apply;
 mod backup;
 mod change;
 mod checkpoints;
 mod checks;
+mod engine;
 mod event;
 mod files;
 mod inspection;
 mod link;
 mod linking;
+mod location;
+mod migrate;
 mod open;
+mod postgres;
 mod proof;
 mod read;
 mod readable;
 mod references;
 mod restore;
+mod sqlite;
+mod tickets;
 mod tokens;
 mod witness;
 mod write;
 
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
+#[cfg(test)]
+use std::path::Path;
 
 use sqlx::SqlitePool;
-use tokio::sync::{mpsc, oneshot};
-use tokio_util::sync::CancellationToken;
 use tracing::Instrument;
 
 use crate::limits::Limits;
@@ -43,18 +48,24 @@ pub use backup::{BackupError, Copied, Progress, back_up};
 use change::Change;
 pub(crate) use change::{Damage, Deletion, Import, NewSession, SessionHead};
 pub(crate) use checkpoints::{Checkpoint, Checkpoints, Kept};
+use engine::{Pool, sql};
 pub(crate) use event::Event;
 pub use inspection::{Inspection, Witnessed, inspect};
 pub(crate) use link::{Link, first as first_link};
+pub use location::Location;
+pub use migrate::{MigrateError, Migrated, migrate};
 pub use open::OpenError;
 use open::Opened;
+use postgres::PostgresLog;
+pub use postgres::{Address, AddressError, SharedInspection, inspect_shared};
 pub use proof::Proof;
-pub(crate) use read::{ExperimentPart, Filter, FirstRequest, PageEnd, SessionRow, StateFilter};
-use readable::Readable;
+pub(crate) use read::{ExperimentPart, Filter, FirstRequest, PageEnd, SessionEnd, SessionRow, StateFilter};
+use readable::Unread;
 pub(crate) use references::{KeptReference, NewErrors, NewReference, ReferenceKey, SurfaceError};
 pub use restore::{Older, Restored, restore};
+use sqlite::{Outcome, SqliteLog};
+pub(crate) use tickets::{TicketRow, TicketTable};
 pub(crate) use tokens::{TokenFile, TokenReader, TokenRow};
-use write::{Job, Writer};
 
 /// Why an operation on the log failed.
 #[derive(Clone, Debug, thiserror::Error)]
@@ -98,6 +109,7 @@ impl From<sqlx::Error> for StoreError {
         match open::primary_code(&error) {
             _ if is_conflict => Self::Conflict,
             Some(open::SQLITE_FULL) => Self::Full,
+            _ if postgres::is_full(&error) => Self::Full,
             _ => Self::Down(error.to_string()),
         }
     }
@@ -106,36 +118,45 @@ impl From<sqlx::Error> for StoreError {
 /// The event log.
 #[derive(Debug)]
 pub(crate) struct Store {
-    readers: SqlitePool,
-    jobs: mpsc::Sender<Job>,
-    /// Asks the writer to finish what is queued and to close the file.
-    closing: CancellationToken,
-    /// Cancelled when the writer has done so.
-    closed: CancellationToken,
-    /// Events that were acknowledged and are not there.
-    missing: i64,
-    /// What the disk does not read.
-    readable: Arc<Readable>,
-    database: PathBuf,
+    log: Log,
+    readers: Pool,
     /// What the whole server counts; it begins with the log.
     pub(crate) metrics: Metrics,
     /// What folds go on from.
     pub(crate) checkpoints: Checkpoints,
 }
 
+/// Where changes go.
+#[derive(Debug)]
+enum Log {
+    Sqlite(SqliteLog),
+    Postgres(PostgresLog),
+}
+
 impl Store {
-    /// Opens or creates the log, brings its tables up to date and starts the writer.
+    /// Opens or creates the log, brings its tables up to date and begins to take changes.
     ///
     /// # Errors
-    /// The file cannot be opened, or the engine does not give the guarantees that are promised.
+    /// It cannot be opened, or the engine does not give the guarantees that are promised.
     pub(crate) async fn open(
-        database: &Path,
+        database: &Location,
         version: &'static str,
         limits: &Limits,
     ) -> Result<Self, OpenError> {
-        let opened = open::open(database).await?;
-        let readers = open::readers(database).await?;
-        Ok(Self::over(opened, readers, version, limits))
+        match database {
+            Location::File(path) => {
+                let opened = open::open(path).await?;
+                let readers = open::readers(path).await?;
+                Ok(Self::over(opened, readers, version, limits))
+            }
+            Location::Postgres(address) => {
+                let postgres::Opened { readers, writers, keepers } = postgres::open(address, limits).await?;
+                let metrics = Metrics::default();
+                let log = PostgresLog::start(writers, readers.clone(), limits, metrics.clone());
+                let checkpoints = Checkpoints::on(keepers, version, limits.checkpoint_bytes);
+                Ok(Self { log: Log::Postgres(log), readers, metrics, checkpoints })
+            }
+        }
     }
 
     /// Opens a log that another process may hold, as two servers of one file would.
@@ -147,20 +168,15 @@ impl Store {
     }
 
     fn over(opened: Opened, readers: SqlitePool, version: &'static str, limits: &Limits) -> Self {
-        let (jobs, queue) = mpsc::channel(limits.write_queue);
-        let (closing, closed) = (CancellationToken::new(), CancellationToken::new());
-        let missing = opened.missing;
-        let readable = Arc::new(Readable::of(&opened.database));
+        let metrics = Metrics::default();
         let checkpoints = Checkpoints::beside(&opened.database, version, limits.checkpoint_bytes);
-        let (database, metrics) = (opened.database.clone(), Metrics::default());
-        let writer = Writer::new(opened, limits.database_bytes, metrics.clone());
-        let writer = writer.run(queue, limits.write_batch, closing.clone());
-        let announce = closed.clone().drop_guard();
-        tokio::spawn(async move {
-            writer.await;
-            drop(announce);
-        });
-        Self { readers, jobs, closing, closed, missing, readable, database, metrics, checkpoints }
+        let log = Log::Sqlite(SqliteLog::start(opened, limits, metrics.clone()));
+        Self { log, readers: Pool::Sqlite(readers), metrics, checkpoints }
+    }
+
+    /// Whether other servers may write the same log.
+    pub(crate) fn is_shared(&self) -> bool {
+        self.readers.is_shared()
     }
 
     /// Writes a session with its first events, all or none.
@@ -200,7 +216,11 @@ impl Store {
 
     /// How many events were acknowledged and found missing at a start.
     pub(crate) fn missing(&self) -> i64 {
-        self.missing
+        match &self.log {
+            Log::Sqlite(log) => log.missing,
+            // That nothing is missing is promised by PostgreSQL and its standbys.
+            Log::Postgres(_) => 0,
+        }
     }
 
     /// Removes a session with all its events.
@@ -220,30 +240,73 @@ impl Store {
     ///
     /// All is then in the one file of the database, without a log of changes beside it.
     pub(crate) async fn close(&self) {
-        self.readers.close().await;
         self.checkpoints.close().await;
-        self.closing.cancel();
-        self.closed.cancelled().await;
+        match &self.log {
+            Log::Sqlite(log) => {
+                self.readers.close().await;
+                log.close().await;
+            }
+            // What is being written may have to read.
+            Log::Postgres(log) => {
+                log.close().await;
+                self.readers.close().await;
+            }
+        }
     }
 
     /// How many writes wait.
     pub(crate) fn waiting_writes(&self) -> usize {
-        self.jobs.max_capacity() - self.jobs.capacity()
+        match &self.log {
+            Log::Sqlite(log) => log.waiting(),
+            Log::Postgres(log) => log.waiting(),
+        }
     }
 
     /// The sizes of the database, of its log of changes and of the checkpoints, and the room that their disk has left,
-    /// each as far as the system tells.
+    /// each as far as it is known.
     pub(crate) fn sizes(&self) -> [Option<u64>; 4] {
-        let size = |ending: &str| Some(std::fs::metadata(files::beside(&self.database, ending)).ok()?.len());
-        [size(""), size("-wal"), size("-checkpoints"), files::free_bytes(&self.database)]
+        match &self.log {
+            Log::Sqlite(log) => log.sizes(),
+            Log::Postgres(log) => [log.bytes(), None, None, None],
+        }
     }
 
-    /// The engine.
+    /// The engine, and its version.
     ///
     /// # Errors
     /// The database cannot be read.
-    pub(crate) async fn engine_version(&self) -> Result<String, StoreError> {
-        Ok(sqlx::query_scalar("select sqlite_version()").fetch_one(&self.readers).await?)
+    pub(crate) async fn engine(&self) -> Result<(&'static str, String), StoreError> {
+        let (name, version) = match &self.log {
+            Log::Sqlite(_) => ("sqlite", "select sqlite_version()"),
+            Log::Postgres(_) => ("postgres", "select current_setting('server_version')"),
+        };
+        Ok((name, self.readers.one(sql(version)).await?))
+    }
+
+    /// Remembers what the disk could not read, where it is this machine's.
+    fn note_unread(&self, what: Unread) {
+        if let Log::Sqlite(log) = &self.log {
+            log.readable.note(what);
+        }
+    }
+
+    /// Insists that the disk reads the log, where the engine gave `error` for `what`.
+    ///
+    /// # Errors
+    /// [`StoreError::Down`] when it does not: the event is not known to be damaged then.
+    async fn insist(&self, error: &sqlx::Error, what: Unread) -> Result<(), StoreError> {
+        match &self.log {
+            Log::Sqlite(log) => log.readable.insist(error, what).await,
+            Log::Postgres(_) => Ok(()),
+        }
+    }
+
+    /// The table of tickets, where several servers have to know them.
+    pub(crate) fn ticket_table(&self) -> Option<TicketTable> {
+        match &self.log {
+            Log::Sqlite(_) => None,
+            Log::Postgres(log) => Some(TicketTable::new(log.writers().clone())),
+        }
     }
 
     async fn write(&self, change: Change) -> Result<(), StoreError> {
@@ -251,13 +314,11 @@ impl Store {
         committed.await.map_err(|_| StoreError::Down("the writer has stopped".into()))?
     }
 
-    fn enqueue(&self, change: Change) -> Result<oneshot::Receiver<Result<(), StoreError>>, StoreError> {
-        let (done, outcome) = oneshot::channel();
-        self.jobs.try_send(Job { change, done }).map_err(|refused| match refused {
-            mpsc::error::TrySendError::Full(_) => StoreError::QueueFull,
-            mpsc::error::TrySendError::Closed(_) => StoreError::Down("the writer has stopped".into()),
-        })?;
-        Ok(outcome)
+    fn enqueue(&self, change: Change) -> Result<Outcome, StoreError> {
+        match &self.log {
+            Log::Sqlite(log) => log.enqueue(change),
+            Log::Postgres(log) => log.enqueue(change),
+        }
     }
 }
 

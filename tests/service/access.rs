@@ -83,6 +83,13 @@ async fn server() -> Guarded {
     new.push(NewToken { experiments: Some("mugs".to_owned()), ..new_token("kept", Scope::Admin) });
     let server = Guarded::start(&new).await;
     server.revoke("revoked").await;
+    // It counts within a second.
+    let known = async {
+        while accepted(server.http("revoked").get("/v1/sessions")).await.is_ok() {
+            tokio::time::sleep(std::time::Duration::from_millis(20)).await;
+        }
+    };
+    soon("the token is revoked", known).await;
     let admin = server.client("admin").await;
     let request = v1::CreateSessionRequest { experiment: "cups".to_owned(), ..creation("cup") };
     admin.create_session(request).await.unwrap();

@@ -1,17 +1,22 @@
 //! Reference meshes that sessions keep: beside the log, through restarts, until nobody keeps them any more.
 
 use palpate_proto::v1;
-use palpate_server::Limits;
+use palpate_server::{Limits, Location};
 use reqwest::Method;
 use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{Connection, SqliteConnection};
 
 use crate::harness::ball::RADIUS_M;
 use crate::harness::truth::{keep_ball, obj, ply, stl};
-use crate::harness::{Server, Transport, accepted, creation, header, send};
+use crate::harness::{Server, Transport, accepted, creation, database, header, send};
 
 /// How many files the database holds, read beside the server.
 async fn files(server: &Server) -> i64 {
+    if let Location::Postgres(_) = database::location(&server.folder().join("palpate.db")).await {
+        // There each session has a file of its own, in its row.
+        return database::count(server.folder(), "select count(distinct sha256) from session_references")
+            .await;
+    }
     let options = SqliteConnectOptions::new().filename(server.folder().join("palpate.db")).read_only(true);
     let mut connection = SqliteConnection::connect_with(&options).await.unwrap();
     let count = sqlx::query_scalar("select count(*) from reference_files").fetch_one(&mut connection).await;

@@ -206,7 +206,7 @@ async fn files_that_cannot_be_used_are_named_at_the_start() {
     ] {
         let folder = tempfile::tempdir().unwrap();
         let options = ServeOptions {
-            database: folder.path().join("a.db"),
+            database: folder.path().join("a.db").into(),
             tls: Some(files),
             ..ServeOptions::default()
         };

@@ -16,7 +16,7 @@ use crate::harness::{
 async fn a_server_that_asks_and_whom_nobody_could_answer_does_not_start() {
     let folder = tempfile::tempdir().unwrap();
     let options = ServeOptions {
-        database: folder.path().join("palpate.db"),
+        database: folder.path().join("palpate.db").into(),
         require_tokens: true,
         ..ServeOptions::default()
     };
@@ -68,8 +68,11 @@ async fn what_a_token_has_open_ends_when_it_is_revoked() {
 #[tokio::test]
 async fn a_token_made_while_the_server_runs_counts_at_once() {
     let server = Guarded::start(&[new_token("first", Scope::Robot)]).await;
-    let mut tokens =
-        palpate_server::access::Tokens::open(&server.server.folder().join("palpate.db")).await.unwrap();
+    let mut tokens = palpate_server::access::Tokens::open(
+        &crate::harness::database::location(&server.server.folder().join("palpate.db")).await,
+    )
+    .await
+    .unwrap();
     let second = tokens.create(&new_token("second", Scope::Read)).await.unwrap().token;
     tokio::time::sleep(Duration::from_millis(150)).await;
     accepted(server.anonymous().with_token(&second).get("/v1/sessions")).await.unwrap();

@@ -80,7 +80,8 @@ async fn main() -> Result<(), Box<dyn Error>> {
     let listener = TcpListener::bind("127.0.0.1:0").await?;
     let url = format!("http://{}", listener.local_addr()?);
     let shutdown = CancellationToken::new();
-    let options = ServeOptions { database: folder.path().join("palpate.db"), ..ServeOptions::default() };
+    let options =
+        ServeOptions { database: folder.path().join("palpate.db").into(), ..ServeOptions::default() };
     let server = tokio::spawn(serve(listener, options, shutdown.clone()));
 
     let panels = explore(Client::connect(&url).await?).await?;

@@ -4,6 +4,7 @@ mod backup;
 mod bench;
 mod completions;
 mod config;
+mod database;
 mod demo;
 mod doctor;
 mod evaluate;
@@ -14,6 +15,7 @@ mod import;
 mod list;
 mod log_level;
 mod manual;
+mod migrate;
 mod replay;
 mod restore;
 mod robot;
@@ -73,6 +75,9 @@ pub(crate) enum Command {
     /// Put a copy in the place of the database.
     #[command(long_about = restore::ABOUT)]
     Restore(restore::Args),
+    /// Bring all sessions to another database, of SQLite or PostgreSQL.
+    #[command(long_about = migrate::ABOUT)]
+    Migrate(migrate::Args),
     /// Print the settings of a server, what they mean and where they come from.
     #[command(long_about = config::ABOUT)]
     Config(config::Args),
@@ -103,6 +108,7 @@ impl Command {
             Self::LogLevel(args) => log_level::run(args).await,
             Self::Backup(args) => backup::run(args).await,
             Self::Restore(args) => restore::run(args).await,
+            Self::Migrate(args) => migrate::run(args).await,
             Self::Config(args) => config::run(&args, &program, matches),
             Self::Completions(args) => completions::run(&args, program),
             Self::Man(args) => manual::run(&args, program),
@@ -127,6 +133,7 @@ impl Command {
             | Self::LogLevel(_)
             | Self::Backup(_)
             | Self::Restore(_)
+            | Self::Migrate(_)
             | Self::Config(_)
             | Self::Completions(_)
             | Self::Man(_) => "warn",

@@ -15,13 +15,19 @@ pub(crate) struct CopyProgress {
 impl CopyProgress {
     /// Nothing is shown yet, and nothing is ever where there is no terminal.
     pub(crate) fn new() -> Result<Self, Failure> {
+        Self::with("  copying  {wide_bar} {binary_bytes} of {binary_total_bytes}")
+    }
+
+    /// The same where events are counted, and not bytes.
+    pub(crate) fn in_events() -> Result<Self, Failure> {
+        Self::with("  copying  {wide_bar} {pos} of {len} events")
+    }
+
+    fn with(copying: &str) -> Result<Self, Failure> {
         let bar = |template: &str| {
             Ok::<_, Failure>(ProgressBar::no_length().with_style(ProgressStyle::with_template(template)?))
         };
-        Ok(Self {
-            copying: bar("  copying  {wide_bar} {binary_bytes} of {binary_total_bytes}")?,
-            proving: bar("  checking {wide_bar} {pos} of {len} events")?,
-        })
+        Ok(Self { copying: bar(copying)?, proving: bar("  checking {wide_bar} {pos} of {len} events")? })
     }
 
     /// Shows a step.

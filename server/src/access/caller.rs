@@ -8,6 +8,7 @@ use http::Extensions;
 use super::scope::Scope;
 use crate::error::Error;
 use crate::peer;
+use crate::store::TicketRow;
 
 /// Who calls, and what they may do; cheap to clone.
 #[derive(Clone, Debug)]
@@ -79,6 +80,26 @@ impl Caller {
     pub(crate) fn at_most(&self, most: Scope) -> Self {
         let Known { actor, scope, experiments, account } = &*self.0;
         Self::new(actor.clone(), (*scope).min(most), experiments.clone(), account.clone())
+    }
+
+    /// What is kept of it with a ticket.
+    pub(crate) fn to_ticket(&self, until_us: i64) -> TicketRow {
+        let Known { actor, scope, experiments, account: Account { token_id, share } } = &*self.0;
+        TicketRow {
+            actor: actor.clone(),
+            scope: scope.name().to_owned(),
+            experiments: experiments.clone(),
+            token_id: token_id.to_string(),
+            compute_share: *share,
+            until_us,
+        }
+    }
+
+    /// The caller that a ticket was given to.
+    pub(crate) fn of_ticket(row: &TicketRow) -> Option<Self> {
+        let TicketRow { actor, scope, experiments, token_id, compute_share, until_us: _ } = row;
+        let account = Account { token_id: token_id.as_str().into(), share: *compute_share };
+        Some(Self::new(actor.clone(), scope.parse().ok()?, experiments.clone(), account))
     }
 
     /// What the log of events calls it.

@@ -26,6 +26,7 @@ use super::tickets::Tickets;
 use crate::error::Error;
 use crate::limits::Limits;
 use crate::metrics::Metrics;
+use crate::store::Store;
 use crate::{grpc, http as web, peer};
 
 const TICKET: &str = "ticket=";
@@ -55,17 +56,18 @@ struct Admitted {
 
 impl Guard {
     /// Lets in who has a token of this registry, or a certificate; all, where there is none.
-    pub(crate) fn new(registry: Option<Registry>, limits: &Limits, metrics: Metrics) -> Self {
+    pub(crate) fn new(registry: Option<Registry>, store: &Store, limits: &Limits) -> Self {
         let attempts = Attempts::new(limits.refused_wait);
-        Self(Arc::new(Rules { registry, tickets: Tickets::default(), attempts, metrics }))
+        let tickets = Tickets::new(store.ticket_table());
+        Self(Arc::new(Rules { registry, tickets, attempts, metrics: store.metrics.clone() }))
     }
 
     /// A ticket in place of this caller's token.
     ///
     /// # Errors
     /// Too many are out.
-    pub(crate) fn ticket(&self, caller: &Caller) -> Result<String, Error> {
-        self.0.tickets.issue(caller, Instant::now())
+    pub(crate) async fn ticket(&self, caller: &Caller) -> Result<String, Error> {
+        self.0.tickets.issue(caller).await
     }
 
     /// Around the routes: answers, or refuses.
@@ -108,7 +110,7 @@ impl Rules {
             return Ok(Admitted { token_id: caller.owner(), caller });
         }
         if let Some(ticket) = ticket.filter(|_| parts.method == Method::GET) {
-            let caller = self.tickets.redeem(ticket, Instant::now()).ok_or(Error::TicketInvalid)?;
+            let caller = self.tickets.redeem(ticket).await?;
             return Ok(Admitted { token_id: caller.owner(), caller });
         }
         match parts.extensions.get::<CertificateName>() {

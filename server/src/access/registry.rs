@@ -2,7 +2,6 @@
 //! within a second; and their making, for the one who may write the database.
 
 use std::collections::HashMap;
-use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -16,7 +15,7 @@ use super::scope::Scope;
 use super::token::Token;
 use crate::error::Error;
 use crate::session::now_us;
-use crate::store::{OpenError, StoreError, TokenFile, TokenReader, TokenRow};
+use crate::store::{Location, OpenError, StoreError, TokenFile, TokenReader, TokenRow};
 
 /// How often the tokens are read again.
 const REFRESH: Duration = Duration::from_secs(1);
@@ -217,7 +216,7 @@ impl Tokens {
     ///
     /// # Errors
     /// It cannot be opened.
-    pub async fn open(database: &Path) -> Result<Self, IssueError> {
+    pub async fn open(database: &Location) -> Result<Self, IssueError> {
         Ok(Self(TokenFile::open(database).await?))
     }
 
@@ -357,11 +356,11 @@ mod tests {
     async fn a_token_counts_at_once_while_a_server_holds_the_database_and_not_after_it_was_revoked() {
         let folder = tempfile::tempdir().unwrap();
         let database = folder.path().join("palpate.db");
-        let store = Store::open(&database, "", &Limits::default()).await.unwrap();
+        let store = Store::open(&database.as_path().into(), "", &Limits::default()).await.unwrap();
         let stopping = CancellationToken::new();
         let registry = Registry::start(store.token_reader(), stopping.clone()).await.unwrap();
         assert!(!registry.has_usable());
-        let mut tokens = Tokens::open(&database).await.unwrap();
+        let mut tokens = Tokens::open(&database.as_path().into()).await.unwrap();
         // The tokens were read a moment ago, and without this one.
         let issued = tokens.create(&new("arm")).await.unwrap();
         let caller = registry.caller(&issued.token).await.unwrap();
@@ -385,7 +384,7 @@ mod tests {
     async fn a_token_expires_and_its_name_is_then_free() {
         let folder = tempfile::tempdir().unwrap();
         let database = folder.path().join("palpate.db");
-        let mut tokens = Tokens::open(&database).await.unwrap();
+        let mut tokens = Tokens::open(&database.as_path().into()).await.unwrap();
         let short = NewToken { lasts: Some(Duration::from_millis(1)), ..new("arm") };
         let issued = tokens.create(&short).await.unwrap();
         tokio::time::sleep(Duration::from_millis(5)).await;
@@ -394,7 +393,7 @@ mod tests {
         let refused = tokens.create(&new("arm")).await.unwrap_err().to_string();
         assert!(refused.contains("in force already"), "{refused}");
         tokens.close().await.unwrap();
-        let store = Store::open(&database, "", &Limits::default()).await.unwrap();
+        let store = Store::open(&database.as_path().into(), "", &Limits::default()).await.unwrap();
         let registry = Registry::start(store.token_reader(), CancellationToken::new()).await.unwrap();
         assert!(registry.has_usable());
         assert_eq!(registry.caller(&issued.token).await.unwrap_err(), Error::TokenExpired);
@@ -404,7 +403,7 @@ mod tests {
     #[tokio::test]
     async fn what_cannot_be_is_refused_in_words() {
         let folder = tempfile::tempdir().unwrap();
-        let mut tokens = Tokens::open(&folder.path().join("palpate.db")).await.unwrap();
+        let mut tokens = Tokens::open(&folder.path().join("palpate.db").into()).await.unwrap();
         for (wrong, named) in [
             (new("two words"), "name"),
             (new(""), "name"),

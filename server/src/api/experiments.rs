@@ -256,6 +256,7 @@ fn experiments(parts: Vec<ExperimentPart>) -> Vec<v1::Experiment> {
     let mut times: Vec<(i64, i64)> = Vec::new();
     for part in parts {
         let ExperimentPart { experiment, state, is_damaged, sessions, first_us, last_us } = part;
+        let sessions = u32::try_from(sessions).unwrap_or(u32::MAX);
         if experiments.last().is_none_or(|last| last.experiment != experiment) {
             experiments.push(v1::Experiment { experiment, ..Default::default() });
             times.push((i64::MAX, i64::MIN));

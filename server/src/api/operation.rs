@@ -13,7 +13,7 @@ impl Api {
         let moment = Moment {
             version: info.version,
             algorithm_version: info.algorithm_version,
-            sqlite_version: store.engine_version().await.ok(),
+            engine: store.engine().await.ok(),
             is_ready: self.ready().await.is_ok(),
             sessions: store.session_count().await.ok(),
             quarantined: store.damaged_count().await.ok(),

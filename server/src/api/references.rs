@@ -102,7 +102,10 @@ impl Api {
             let v1::GetReferenceRequest { session_id, without_mesh } = request;
             self.row(&session_id).await?;
             let kept = self.sessions.store.reference(&session_id).await?.ok_or(Error::NoReference)?;
-            let bytes = if without_mesh { Bytes::new() } else { self.reference_bytes(&kept).await? };
+            let bytes = match without_mesh {
+                true => Bytes::new(),
+                false => self.reference_bytes(&session_id, &kept).await?,
+            };
             Ok(reference(&kept, bytes))
         })
         .await
@@ -141,7 +144,7 @@ impl Api {
         if let Some(ready) = self.references.get(&kept.key) {
             return Ok(ready);
         }
-        let bytes = self.reference_bytes(&kept).await?;
+        let bytes = self.reference_bytes(session_id, &kept).await?;
         let format = v1::MeshFormat::try_from(kept.key.format).unwrap_or_default();
         let file = from_proto::reference_file(bytes, format.into(), kept.key.metres_per_unit, NAMES)?;
         let most = self.limits.reference_faces;
@@ -200,9 +203,10 @@ impl Api {
         row.ok_or_else(|| Error::SessionNotFound { session_id: session_id.to_owned() })
     }
 
-    async fn reference_bytes(&self, kept: &KeptReference) -> Result<Bytes, Error> {
+    async fn reference_bytes(&self, session_id: &str, kept: &KeptReference) -> Result<Bytes, Error> {
         // It is gone if the session was removed meanwhile.
-        let bytes = self.sessions.store.reference_file(&kept.key.sha256).await?.ok_or(Error::NoReference)?;
+        let bytes = self.sessions.store.reference_file(session_id, &kept.key.sha256).await?;
+        let bytes = bytes.ok_or(Error::NoReference)?;
         if Sha256::digest(&bytes).as_slice() != kept.key.sha256 {
             return Err(Error::internal(format!("the reference mesh {} was changed", hex(&kept.key.sha256))));
         }
@@ -221,7 +225,7 @@ pub(super) fn no_surface(error: MetricsError, field: &str) -> Error {
 
 fn ready(file: &ReferenceFile, most: usize, field: &str) -> Result<Truth, Error> {
     let mesh = from_proto::reference_mesh(file, most, field)?;
-    let count = |items: usize| u32::try_from(items).unwrap_or(u32::MAX);
+    let count = |items: usize| i64::try_from(items).unwrap_or(i64::MAX);
     let format = match file.format {
         MeshFormat::Ply => v1::MeshFormat::Ply,
         MeshFormat::Stl => v1::MeshFormat::Stl,
@@ -242,13 +246,14 @@ fn ready(file: &ReferenceFile, most: usize, field: &str) -> Result<Truth, Error>
 
 fn reference(kept: &KeptReference, mesh: Bytes) -> v1::Reference {
     let KeptReference { key: ReferenceKey { sha256, format, metres_per_unit }, n_vertices, n_faces } = kept;
+    let count = |items: i64| u32::try_from(items).unwrap_or(u32::MAX);
     v1::Reference {
         sha256: hex(sha256),
         mesh,
         format: *format,
         metres_per_unit: *metres_per_unit,
-        n_vertices: *n_vertices,
-        n_faces: *n_faces,
+        n_vertices: count(*n_vertices),
+        n_faces: count(*n_faces),
     }
 }
 

@@ -71,7 +71,9 @@ impl Api {
     ) -> Result<v1::Session, Error> {
         let v1::GetSessionRequest { session_id } = request;
         self.run_on_session("GetSession", &session_id, &call, async |deadline| {
-            if let Some(snapshot) = self.sessions.loaded(&session_id) {
+            // Where other servers write as well, the table knows better.
+            let loaded = self.sessions.loaded(&session_id).filter(|_| !self.sessions.store.is_shared());
+            if let Some(snapshot) = loaded {
                 return Ok(to_proto::session(&snapshot));
             }
             let row = self.sessions.store.session(&session_id).await?;

@@ -14,7 +14,7 @@ use crate::store::SessionRow;
 
 /// Whoever calls a server that asks nobody.
 fn somebody() -> Call {
-    Call { deadline: None, caller: Caller::anyone(None), peer: None }
+    Call { deadline: None, caller: Caller::anyone(None), peer: None, at_least: None }
 }
 
 async fn service(folder: &TempDir, limits: Limits) -> Api {

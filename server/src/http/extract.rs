@@ -13,7 +13,7 @@ use serde_json::Value;
 use super::json;
 use super::problem::Problem;
 use crate::access::Caller;
-use crate::api::Call;
+use crate::api::{Call, min_revision};
 use crate::error::Error;
 use crate::limits::Limits;
 use crate::peer;
@@ -38,7 +38,8 @@ impl<S: Send + Sync> FromRequestParts<S> for Call {
 
     async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Problem> {
         let caller = Caller::of(&parts.extensions)?;
-        Ok(Self { deadline: None, caller, peer: peer::address(&parts.extensions) })
+        let at_least = min_revision(&parts.headers)?;
+        Ok(Self { deadline: None, caller, peer: peer::address(&parts.extensions), at_least })
     }
 }
 

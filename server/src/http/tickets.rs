@@ -38,6 +38,6 @@ pub(super) async fn issue(
     State(guard): State<Guard>,
     call: Call,
 ) -> Result<(StatusCode, Json<Ticket>), Problem> {
-    let ticket = guard.ticket(&call.caller)?;
+    let ticket = guard.ticket(&call.caller).await?;
     Ok((StatusCode::CREATED, Json(Ticket { ticket, expires_in_s: TICKET_LASTS.as_secs() })))
 }

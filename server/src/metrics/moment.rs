@@ -13,7 +13,8 @@ use super::{Labels, add};
 pub(crate) struct Moment {
     pub(crate) version: String,
     pub(crate) algorithm_version: String,
-    pub(crate) sqlite_version: Option<String>,
+    /// The engine of the log and its version.
+    pub(crate) engine: Option<(&'static str, String)>,
     pub(crate) is_ready: bool,
     pub(crate) sessions: Option<i64>,
     pub(crate) quarantined: Option<i64>,
@@ -56,7 +57,7 @@ impl Gauges {
             build: add(
                 r,
                 "build_info",
-                "1, with the versions of the program, the method and SQLite",
+                "1, with the versions of the program, the method and SQLite or PostgreSQL",
                 Family::default(),
             ),
             is_ready: add(
@@ -118,7 +119,7 @@ impl Gauges {
         let Moment {
             version,
             algorithm_version,
-            sqlite_version,
+            engine,
             is_ready,
             sessions,
             quarantined,
@@ -134,8 +135,8 @@ impl Gauges {
             disk_free_bytes,
             limits,
         } = moment;
-        if let Some(sqlite) = sqlite_version {
-            let labels = [("version", version), ("algorithm", algorithm_version), ("sqlite", sqlite)];
+        if let Some((engine, engine_version)) = engine {
+            let labels = [("version", version), ("algorithm", algorithm_version), (*engine, engine_version)];
             let labels = labels.map(|(name, value)| (name, value.clone())).to_vec();
             self.build.get_or_create(&labels).set(1);
         }

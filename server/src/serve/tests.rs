@@ -30,7 +30,7 @@ async fn start(folder: &TempDir) -> Running {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap();
     let shutdown = CancellationToken::new();
-    let options = ServeOptions { database: folder.path().join("log.db"), ..ServeOptions::default() };
+    let options = ServeOptions { database: folder.path().join("log.db").into(), ..ServeOptions::default() };
     let server = tokio::spawn(serve(listener, options, shutdown.clone()));
     let channel = Channel::from_shared(format!("http://{address}")).unwrap().connect().await.unwrap();
     Running {

@@ -9,9 +9,9 @@
 use std::sync::Arc;
 
 use tokio::time::Instant;
-use uuid::Uuid;
 
 use super::checkpoint::kept_after;
+use super::creation::chosen_id;
 use super::live::{Head, Replayed};
 use super::replay::{Folded, Manner, fold_page};
 use super::retraction::Retractions;
@@ -87,11 +87,11 @@ impl<S: Aggregate + Clone> Sessions<S> {
         let Copy { creation, mut original, carry, reply } = copy;
         let Creation { session_id: wanted, request, actor, owner, create } = creation;
         self.refuse_while_stopping()?;
-        if let Some(first) = self.first_creation(&wanted, &request).await? {
+        let session_id = chosen_id(&wanted, &request);
+        if let Some(first) = self.first_creation(&wanted, &session_id, &request).await? {
             return Ok(first);
         }
         self.check_quota().await?;
-        let session_id = if wanted.is_empty() { Uuid::now_v7().to_string() } else { wanted.clone() };
         if self.store.session(&session_id).await?.is_some() {
             return Err(Error::SessionExists { session_id });
         }
@@ -131,7 +131,7 @@ impl<S: Aggregate + Clone> Sessions<S> {
     async fn take_over_now(&self, takeover: Takeover<S>) -> Result<Reply, Error> {
         let Takeover { session_id, request, events, owner, describe } = takeover;
         self.refuse_while_stopping()?;
-        if let Some(first) = self.first_creation(&session_id, &request).await? {
+        if let Some(first) = self.first_creation(&session_id, &session_id, &request).await? {
             return Ok(first);
         }
         self.check_quota().await?;
@@ -175,7 +175,7 @@ impl<S: Aggregate + Clone> Sessions<S> {
             }
             Err(StoreError::Conflict) if self.store.session(&session_id).await?.is_some() => {
                 // The same request may have won the race against itself.
-                let first = self.first_creation(wanted, request).await?;
+                let first = self.first_creation(wanted, &session_id, request).await?;
                 first.ok_or(Error::SessionExists { session_id })
             }
             Err(StoreError::Conflict) => Err(contended()),

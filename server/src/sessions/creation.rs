@@ -1,5 +1,6 @@
 //! Creating a session: an id is taken once, and a request id too, whatever session it is used for.
 
+use sha2::{Digest, Sha256};
 use uuid::Uuid;
 
 use super::{
@@ -13,9 +14,9 @@ impl<S: Aggregate> Sessions<S> {
     pub(super) async fn create_now(&self, creation: &Creation<S>) -> Result<Reply, Error> {
         let Creation { session_id: wanted, request, actor, owner, create } = creation;
         self.refuse_while_stopping()?;
-        let session_id = if wanted.is_empty() { Uuid::now_v7().to_string() } else { wanted.clone() };
+        let session_id = chosen_id(wanted, request);
         for _ in 0..ATTEMPTS {
-            if let Some(first) = self.first_creation(wanted, request).await? {
+            if let Some(first) = self.first_creation(wanted, &session_id, request).await? {
                 return Ok(first);
             }
             self.check_quota().await?;
@@ -29,7 +30,7 @@ impl<S: Aggregate> Sessions<S> {
                 Ok(()) => return Ok(Reply { bytes: reply, duplicate: false }),
                 Err(StoreError::Conflict) if self.store.session(&session_id).await?.is_some() => {
                     // The same request may have won the race against itself.
-                    let first = self.first_creation(wanted, request).await?;
+                    let first = self.first_creation(wanted, &session_id, request).await?;
                     return first.ok_or(Error::SessionExists { session_id });
                 }
                 Err(StoreError::Conflict) => {}
@@ -39,16 +40,18 @@ impl<S: Aggregate> Sessions<S> {
         Err(contended())
     }
 
-    /// The reply to an earlier creation under the same request id, whatever session it asked for.
+    /// The reply to an earlier creation under the same request id, whatever session it asked for; this one is for the
+    /// session `wanted`, or for the one that is `chosen` where it wants none.
     pub(super) async fn first_creation(
         &self,
         wanted: &str,
+        chosen: &str,
         request: &RequestKey,
     ) -> Result<Option<Reply>, Error> {
         if request.id.is_empty() {
             return Ok(None);
         }
-        let Some(made) = self.store.created_by(&request.id).await? else {
+        let Some(made) = self.store.created_by(chosen, &request.id).await? else {
             // The id may have come with another kind of request, or with a creation from before all were noted.
             return if wanted.is_empty() { Ok(None) } else { self.first_reply(wanted, request).await };
         };
@@ -81,4 +84,19 @@ impl<S: Aggregate> Sessions<S> {
         let hint = "delete sessions that are no longer needed";
         Err(Error::Quota { what: "sessions", limit: self.limits.sessions, hint })
     }
+}
+
+/// The id of a new session: the one that is wanted, or else one that follows from the request, so that a retry of which
+/// nothing is known yet comes to the same session.
+pub(super) fn chosen_id(wanted: &str, request: &RequestKey) -> String {
+    if !wanted.is_empty() {
+        return wanted.to_owned();
+    }
+    if request.id.is_empty() {
+        return Uuid::now_v7().to_string();
+    }
+    let digest: [u8; 32] =
+        Sha256::new().chain_update("palpate session ").chain_update(&request.id).finalize().into();
+    let (id, _) = digest.split_at(16);
+    Uuid::new_v8(id.try_into().unwrap_or_default()).to_string()
 }

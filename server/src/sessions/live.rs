@@ -47,6 +47,10 @@ pub(super) struct Live<S> {
     /// Where its log ends; whoever holds the permit reads and writes it.
     head: Mutex<Option<Head>>,
     gone: AtomicBool,
+    /// When it was last known to be what the log says.
+    looked_at: Mutex<Instant>,
+    /// Whoever holds it compares it with the log.
+    pub(super) looking: tokio::sync::Mutex<()>,
     /// When it was last asked for, in nanoseconds of the life of all.
     last_used: AtomicU64,
 }
@@ -59,6 +63,8 @@ impl<S> Live<S> {
             past: Gate::new("session's reader", queue),
             head: Mutex::new(None),
             gone: AtomicBool::new(false),
+            looked_at: Mutex::new(Instant::now()),
+            looking: tokio::sync::Mutex::default(),
             last_used: AtomicU64::new(0),
         }
     }
@@ -71,13 +77,34 @@ impl<S> Live<S> {
         self.permit.enter(false, deadline).await
     }
 
+    /// The same for who is never refused when he comes.
+    ///
+    /// # Errors
+    /// The deadline passed.
+    pub(super) async fn patient_permit(&self, deadline: Instant) -> Result<Pass, Error> {
+        self.permit.enter(true, deadline).await
+    }
+
+    /// When it was last known to be what the log says.
+    pub(super) fn looked_at(&self) -> Instant {
+        *self.looked_at.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// It was what the log said at this moment.
+    pub(super) fn look(&self, at: Instant) {
+        let mut looked_at = self.looked_at.lock().unwrap_or_else(PoisonError::into_inner);
+        *looked_at = at.max(*looked_at);
+    }
+
     /// The newest state and those to come, computed by `replay` where there is none yet.
     pub(super) async fn load<Replay: Future<Output = Result<Replayed<S>, Error>>>(
         &self,
         replay: impl FnOnce() -> Replay,
     ) -> Result<States<S>, Error> {
         let load = async || {
+            let begun = Instant::now();
             let Replayed { state, head } = replay().await?;
+            self.look(begun);
             self.set_head(head);
             Ok::<_, Error>(watch::Sender::new(state))
         };
@@ -115,7 +142,7 @@ impl<S> Live<S> {
         self.gone.store(true, Ordering::Release);
     }
 
-    fn state(&self) -> Option<Arc<S>> {
+    pub(super) fn state(&self) -> Option<Arc<S>> {
         self.newest.get().map(|newest| newest.borrow().clone())
     }
 
@@ -172,6 +199,13 @@ impl<S> LiveSessions<S> {
         let live = self.lock().get(session_id).cloned()?;
         self.touch(&live);
         live.state()
+    }
+
+    /// Those that somebody watches.
+    pub(super) fn watched(&self) -> Vec<(String, Arc<Live<S>>)> {
+        let by_id = self.lock();
+        let watched = by_id.iter().filter(|(_, live)| live.is_watched());
+        watched.map(|(session_id, live)| (session_id.clone(), live.clone())).collect()
     }
 
     /// Removes this entry, unless a new one has replaced it.

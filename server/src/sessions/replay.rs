@@ -331,7 +331,12 @@ impl<S: Aggregate> Sessions<S> {
         live: &Arc<Live<S>>,
         deadline: Instant,
     ) -> Result<(), Error> {
-        tracing::warn!(session_id, "the log of a session is not where this process left it");
+        if self.store.is_shared() {
+            tracing::debug!(session_id, "another server has written to a session");
+        } else {
+            tracing::warn!(session_id, "the log of a session is not where this process left it");
+        }
+        let begun = Instant::now();
         let row = self.store.session(session_id).await?;
         let Some(row) = row else {
             live.mark_gone();
@@ -342,6 +347,7 @@ impl<S: Aggregate> Sessions<S> {
         let known = known.filter(|_| row.damage().is_none());
         let known = known.zip(live.head()).map(|(state, head)| Replayed { state, head });
         live.publish(self.replay(session_id, known, i64::MAX, Queue::ROBOTS, deadline).await?);
+        live.look(begun);
         Ok(())
     }
 }

@@ -2,17 +2,46 @@
 
 use std::collections::BTreeMap;
 
-use sqlx::SqliteConnection;
-
 use super::StoreError;
 use super::change::{Change, Damage, Deletion, Import, NewSession, SessionHead};
+use super::engine::{Connection, sql};
 use super::event::Event;
 use super::link::{self, Link, Sealed};
 use super::{references, tokens};
 use crate::session::now_us;
 
+/// What kept a change from being applied.
+#[derive(Debug)]
+pub(super) enum Failure {
+    /// The change itself: it is refused.
+    Refused(StoreError),
+    /// The engine, or the way to it.
+    Engine(sqlx::Error),
+}
+
+impl From<sqlx::Error> for Failure {
+    fn from(error: sqlx::Error) -> Self {
+        Self::Engine(error)
+    }
+}
+
+impl From<StoreError> for Failure {
+    fn from(error: StoreError) -> Self {
+        Self::Refused(error)
+    }
+}
+
+impl From<Failure> for StoreError {
+    fn from(failure: Failure) -> Self {
+        match failure {
+            Failure::Refused(error) => error,
+            Failure::Engine(error) => error.into(),
+        }
+    }
+}
+
 /// Applies one change within a transaction.
-pub(super) async fn apply(connection: &mut SqliteConnection, change: &Change) -> Result<(), StoreError> {
+pub(super) async fn apply(connection: &mut Connection, change: &Change) -> Result<(), Failure> {
     match change {
         Change::Create(new) => create(connection, &new.0, &new.1).await,
         Change::Append(new) => append(connection, &new.0, &new.1, &new.2).await,
@@ -25,7 +54,7 @@ pub(super) async fn apply(connection: &mut SqliteConnection, change: &Change) ->
         Change::ForgetReference(session_id) => references::forget(connection, session_id).await,
         Change::NoteErrors(errors) => references::note(connection, errors).await,
         Change::Check => {
-            let query = sqlx::query("update log set checked_us = $1");
+            let query = sql("update log set checked_us = $1");
             query.bind(now_us()).execute(connection).await?;
             Ok(())
         }
@@ -33,13 +62,15 @@ pub(super) async fn apply(connection: &mut SqliteConnection, change: &Change) ->
 }
 
 /// What the database holds, in bytes: pages that a deletion left free are used again.
-pub(super) async fn bytes_used(connection: &mut SqliteConnection) -> Result<u64, sqlx::Error> {
-    let query = sqlx::query_scalar(
+pub(super) async fn bytes_used(connection: &mut Connection) -> Result<u64, sqlx::Error> {
+    let query = if connection.is_shared() {
+        "select pg_database_size(current_database())"
+    } else {
         "select (page_count - freelist_count) * page_size
-         from pragma_page_count(), pragma_freelist_count(), pragma_page_size()",
-    );
-    let bytes: i64 = query.fetch_one(connection).await?;
-    Ok(u64::try_from(bytes).unwrap_or(0))
+         from pragma_page_count(), pragma_freelist_count(), pragma_page_size()"
+    };
+    let bytes: Option<i64> = sql(query).scalar(connection).await?;
+    Ok(bytes.and_then(|bytes| u64::try_from(bytes).ok()).unwrap_or(0))
 }
 
 fn seal(head: &SessionHead, seq: i64) -> Link {
@@ -48,18 +79,12 @@ fn seal(head: &SessionHead, seq: i64) -> Link {
     link::seal(&Sealed { session_id, created_us, state, head: seq, link, summary })
 }
 
-async fn create(
-    connection: &mut SqliteConnection,
-    session: &NewSession,
-    events: &[Event],
-) -> Result<(), StoreError> {
+async fn create(connection: &mut Connection, session: &NewSession, events: &[Event]) -> Result<(), Failure> {
     let NewSession { head, experiment, labels, imported_by, owner, reference_of } = session;
     let SessionHead { session_id, created_us, state, summary, link, new_labels: _ } = head;
     let last = events.last().map_or(0, |event| event.seq);
-    sqlx::query(
-        "insert into sessions (session_id, experiment, state, created_us, head, summary, link, seal)
-         values ($1, $2, $3, $4, $5, $6, $7, $8)",
-    )
+    sql("insert into sessions (session_id, experiment, state, created_us, head, summary, link, seal)
+         values ($1, $2, $3, $4, $5, $6, $7, $8)")
     .bind(session_id)
     .bind(experiment)
     .bind(state)
@@ -68,7 +93,7 @@ async fn create(
     .bind(summary)
     .bind(link.as_slice())
     .bind(seal(head, last).as_slice())
-    .execute(&mut *connection)
+    .execute(connection)
     .await?;
     label(connection, session_id, labels).await?;
     note_request(connection, session_id, events.first(), imported_by.as_ref()).await?;
@@ -77,7 +102,8 @@ async fn create(
         link = event.link(&link);
         insert_event(connection, session_id, &link, event).await?;
     }
-    if let Some(origin) = reference_of {
+    // Elsewhere the other session may be on another shard: its reference was read before.
+    if let Some(origin) = reference_of.as_ref().filter(|_| !connection.is_shared()) {
         references::keep_that_of(connection, session_id, origin).await?;
     }
     if let Some(token_id) = owner {
@@ -88,16 +114,16 @@ async fn create(
 }
 
 async fn label(
-    connection: &mut SqliteConnection,
+    connection: &mut Connection,
     session_id: &str,
     labels: &BTreeMap<String, String>,
-) -> Result<(), StoreError> {
+) -> Result<(), Failure> {
     for (name, value) in labels {
-        sqlx::query("insert into session_labels (session_id, name, value) values ($1, $2, $3)")
+        sql("insert into session_labels (session_id, name, value) values ($1, $2, $3)")
             .bind(session_id)
             .bind(name)
             .bind(value)
-            .execute(&mut *connection)
+            .execute(connection)
             .await?;
     }
     Ok(())
@@ -105,14 +131,14 @@ async fn label(
 
 /// Keeps the request that made a session, for retries that do not name the session.
 async fn note_request(
-    connection: &mut SqliteConnection,
+    connection: &mut Connection,
     session_id: &str,
     first: Option<&Event>,
     imported_by: Option<&Import>,
-) -> Result<(), StoreError> {
+) -> Result<(), Failure> {
     let Some(Import { request_id, request_digest, reply }) = imported_by else {
         let Some(request_id) = first.and_then(|event| event.request_id.as_ref()) else { return Ok(()) };
-        sqlx::query("insert into creations (request_id, session_id) values ($1, $2)")
+        sql("insert into creations (request_id, session_id) values ($1, $2)")
             .bind(request_id)
             .bind(session_id)
             .execute(connection)
@@ -120,30 +146,26 @@ async fn note_request(
         return Ok(());
     };
     if !request_id.is_empty() {
-        sqlx::query(
-            "insert into creations (request_id, session_id, request_digest, reply) values ($1, $2, $3, $4)",
-        )
-        .bind(request_id)
-        .bind(session_id)
-        .bind(request_digest)
-        .bind(reply)
-        .execute(connection)
-        .await?;
+        sql("insert into creations (request_id, session_id, request_digest, reply) values ($1, $2, $3, $4)")
+            .bind(request_id)
+            .bind(session_id)
+            .bind(request_digest)
+            .bind(reply)
+            .execute(connection)
+            .await?;
     }
     Ok(())
 }
 
 async fn append(
-    connection: &mut SqliteConnection,
+    connection: &mut Connection,
     head: &SessionHead,
     before: &Link,
     event: &Event,
-) -> Result<(), StoreError> {
+) -> Result<(), Failure> {
     let SessionHead { session_id, created_us, state, summary, link, new_labels } = head;
-    let updated = sqlx::query(
-        "update sessions set state = $1, head = $2, summary = $3, link = $4, seal = $5
-         where session_id = $6 and created_us = $7 and head = $2 - 1 and link = $8 and damage is null",
-    )
+    let updated = sql("update sessions set state = $1, head = $2, summary = $3, link = $4, seal = $5
+         where session_id = $6 and created_us = $7 and head = $2 - 1 and link = $8 and damage is null")
     .bind(state)
     .bind(event.seq)
     .bind(summary)
@@ -152,28 +174,26 @@ async fn append(
     .bind(session_id)
     .bind(created_us)
     .bind(before.as_slice())
-    .execute(&mut *connection)
+    .execute(connection)
     .await?;
-    if updated.rows_affected() != 1 {
-        return Err(StoreError::Conflict);
+    if updated != 1 {
+        return Err(StoreError::Conflict.into());
     }
     if let Some(labels) = new_labels {
-        sqlx::query("delete from session_labels where session_id = $1")
-            .bind(session_id)
-            .execute(&mut *connection)
-            .await?;
+        sql("delete from session_labels where session_id = $1").bind(session_id).execute(connection).await?;
         label(connection, session_id, labels).await?;
     }
     insert_event(connection, session_id, link, event).await?;
     tokens::grow(connection, session_id, event.bytes()).await
 }
 
-async fn insert_event(
-    connection: &mut SqliteConnection,
+/// Writes one event with its link.
+pub(super) async fn insert_event(
+    connection: &mut Connection,
     session_id: &str,
     link: &Link,
     event: &Event,
-) -> Result<(), StoreError> {
+) -> Result<(), sqlx::Error> {
     let Event {
         seq,
         request_id,
@@ -187,11 +207,9 @@ async fn insert_event(
         append_us,
         actor,
     } = event;
-    sqlx::query(
-        "insert into events (session_id, seq, request_id, request_digest, kind, payload, reply, state_hash,
+    sql("insert into events (session_id, seq, request_id, request_digest, kind, payload, reply, state_hash,
                              stats_after, algorithm_version, append_us, actor, link)
-         values ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13)",
-    )
+         values ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13)")
     .bind(session_id)
     .bind(seq)
     .bind(request_id)
@@ -210,21 +228,20 @@ async fn insert_event(
     Ok(())
 }
 
-async fn delete(connection: &mut SqliteConnection, deletion: &Deletion) -> Result<(), StoreError> {
+async fn delete(connection: &mut Connection, deletion: &Deletion) -> Result<(), Failure> {
     let Deletion { session_id, created_us, head, request } = deletion;
-    let deleted = sqlx::query(
-        "delete from sessions where session_id = $1 and created_us = $2 and head = coalesce($3, head)",
-    )
-    .bind(session_id)
-    .bind(created_us)
-    .bind(head)
-    .execute(&mut *connection)
-    .await?;
-    if deleted.rows_affected() != 1 {
-        return Err(StoreError::Conflict);
+    let deleted =
+        sql("delete from sessions where session_id = $1 and created_us = $2 and head = coalesce($3, head)")
+            .bind(session_id)
+            .bind(created_us)
+            .bind(head)
+            .execute(connection)
+            .await?;
+    if deleted != 1 {
+        return Err(StoreError::Conflict.into());
     }
     if let Some((request_id, digest)) = request {
-        sqlx::query("insert into deletions (session_id, request_id, request_digest) values ($1, $2, $3)")
+        sql("insert into deletions (session_id, request_id, request_digest) values ($1, $2, $3)")
             .bind(session_id)
             .bind(request_id)
             .bind(digest)
@@ -235,12 +252,12 @@ async fn delete(connection: &mut SqliteConnection, deletion: &Deletion) -> Resul
 }
 
 async fn mark(
-    connection: &mut SqliteConnection,
+    connection: &mut Connection,
     session_id: &str,
     sound: Option<i64>,
     reason: Option<&String>,
-) -> Result<(), StoreError> {
-    sqlx::query("update sessions set damage = $1, sound = $2 where session_id = $3")
+) -> Result<(), Failure> {
+    sql("update sessions set damage = $1, sound = $2 where session_id = $3")
         .bind(reason)
         .bind(sound)
         .bind(session_id)

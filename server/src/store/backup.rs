@@ -14,8 +14,9 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use sqlx::sqlite::SqliteConnectOptions;
-use sqlx::{ConnectOptions, Connection, SqliteConnection};
+use sqlx::{ConnectOptions, SqliteConnection};
 
+use super::engine::{Connection as Engine, sql};
 use super::open::{self, MIGRATIONS, OpenError};
 use super::proof::{Proof, prove_all};
 use super::{apply, checks, files};
@@ -122,6 +123,7 @@ pub async fn back_up(database: &Path, to: &Path, hear: Hear<'_>) -> Result<Copie
     let failed = |source| OpenError::Open { path: database.into(), source };
     let mut connection = open::reader(database).await.map_err(failed)?;
     checks::version(&mut connection).await?;
+    let mut connection = Engine::Sqlite(connection);
     let expected = apply::bytes_used(&mut connection).await?;
     {
         let copying = copy(&mut connection, &partial.path);
@@ -145,13 +147,13 @@ pub async fn back_up(database: &Path, to: &Path, hear: Hear<'_>) -> Result<Copie
     Ok(Copied { proof, bytes })
 }
 
-async fn copy(connection: &mut SqliteConnection, to: &Path) -> Result<(), BackupError> {
+async fn copy(connection: &mut Engine, to: &Path) -> Result<(), BackupError> {
     // The path is bound as text, as the engine's interface wants it.
     let Some(name) = to.to_str() else {
         let source = io::Error::new(io::ErrorKind::InvalidFilename, "the name is no UTF-8");
         return Err(BackupError::File { path: to.into(), source });
     };
-    sqlx::query("vacuum into $1").bind(name).execute(connection).await?;
+    sql("vacuum into $1").bind(name).execute(connection).await?;
     Ok(())
 }
 
@@ -163,23 +165,25 @@ async fn check(path: &Path, hear: Hear<'_>) -> Result<Proof, BackupError> {
     // Immutable: no lock is taken, and no files are made beside it.
     let options = SqliteConnectOptions::new().filename(path).read_only(true).immutable(true);
     let failed = |source| OpenError::Open { path: path.into(), source };
-    let mut connection = options.connect().await.map_err(failed)?;
-    let proof = check_open(&mut connection, path, hear).await?;
+    let connection = options.connect().await.map_err(failed)?;
+    let (proof, connection) = check_open(connection, path, hear).await?;
     connection.close().await?;
     Ok(proof)
 }
 
-/// The same of a copy that is open.
+/// The same of a copy that is open, which stays so.
 pub(super) async fn check_open(
-    connection: &mut SqliteConnection,
+    mut connection: SqliteConnection,
     path: &Path,
     hear: Hear<'_>,
-) -> Result<Proof, BackupError> {
-    checks::pages(connection, path).await?;
-    checks::tables(connection, &MIGRATIONS, path).await?;
-    let events: i64 = sqlx::query_scalar("select count(*) from events").fetch_one(&mut *connection).await?;
-    let events = u64::try_from(events).unwrap_or(0);
-    Ok(prove_all(connection, &|read| hear(Progress::Proved(read, events))).await?)
+) -> Result<(Proof, Engine), BackupError> {
+    checks::pages(&mut connection, path).await?;
+    checks::tables(&mut connection, &MIGRATIONS, path).await?;
+    let mut connection = Engine::Sqlite(connection);
+    let events = sql("select count(*) from events").scalar::<i64>(&mut connection).await?;
+    let events = u64::try_from(events.unwrap_or(0)).unwrap_or(0);
+    let proof = prove_all(&mut connection, &|read| hear(Progress::Proved(read, events))).await?;
+    Ok((proof, connection))
 }
 
 /// A file that is not finished; removed when it is dropped, with what SQLite may have put beside it.

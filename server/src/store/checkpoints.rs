@@ -1,30 +1,41 @@
-//! Checkpoints: what folds go on from, and what readers are shown of each state, in a file beside the log.
+//! Checkpoints: what folds go on from, and what readers are shown of each state, in a file beside the log or, where
+//! several servers share the log, in tables beside it.
 //!
 //! They are a cache. Each can be computed again from the log, and is compared with what the log recorded when it is
-//! used; the file may be deleted at any time, is emptied when the method's version changes, and is made anew where it
-//! cannot be read. So nothing here waits for the disk, and nothing here fails a call.
+//! used. The file may be deleted at any time, is emptied when the method's version changes, and is made anew where it
+//! cannot be read; in the tables servers of several versions keep theirs beside each other. So nothing here waits for
+//! the disk, and nothing here fails a call.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use sha2::{Digest, Sha256};
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqliteSynchronous};
-use sqlx::{ConnectOptions, Connection, FromRow, SqliteConnection};
+use sqlx::{ConnectOptions, FromRow};
 use tokio::sync::{mpsc, oneshot};
+use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
+use super::engine::{Connection, Pool, sql};
 use super::files;
+use crate::session::now_us;
 
 /// What the name of the file has after that of the database.
 const ENDING: &str = "-checkpoints";
 /// Jobs that may wait, and that are done in one transaction.
 const QUEUE: usize = 256;
 const BATCH: usize = 64;
-/// The part of the file that is given up, the oldest first, where it grows beyond its bound.
+/// The part that is given up, the oldest first, where more is kept than may be.
 const GIVEN_UP: i64 = 8;
 
-const TABLES: [&str; 2] = [
+/// How often it is measured how much is kept, where that takes reading it.
+const MEASURE_AGAIN: Duration = Duration::from_secs(5);
+/// How long a broken connection is left alone.
+const PAUSE: Duration = Duration::from_secs(1);
+
+/// The tables of the file; those of PostgreSQL are in its migrations.
+const TABLES: [&str; 4] = [
     "create table if not exists checkpoints (
-    id integer primary key, -- the oldest has the least
     session_id text not null,
     created_us integer not null, -- of the session
     seq integer not null, -- the event that the state is after
@@ -32,14 +43,21 @@ const TABLES: [&str; 2] = [
     state_hash text not null,
     bytes blob, -- null where they are those of the event before
     shown blob, -- the digest of what readers see, in the other table
-    constraint checkpoints_of_an_event unique (session_id, seq)
+    size integer not null, -- of the bytes
+    kept_us integer not null, -- microseconds since 1970, UTC
+    constraint checkpoints_pk primary key (session_id, seq, algorithm_version)
 ) strict",
-    // Equal ones are kept once: many events leave the surface as it was.
+    // Equal ones of a session are kept once: many events leave the surface as it was.
     "create table if not exists shown (
-    id integer primary key, -- the oldest has the least
-    digest blob not null unique, -- SHA-256
-    bytes blob not null
+    session_id text not null,
+    digest blob not null, -- SHA-256
+    bytes blob not null,
+    size integer not null, -- of the bytes
+    kept_us integer not null, -- microseconds since 1970, UTC
+    constraint shown_pk primary key (session_id, digest)
 ) strict",
+    "create index if not exists checkpoints_oldest_first on checkpoints (kept_us)",
+    "create index if not exists shown_oldest_first on shown (kept_us)",
 ];
 
 /// Which session, and which one of its id: when it was created, in microseconds since 1970, UTC.
@@ -111,12 +129,21 @@ impl Checkpoints {
     /// Opens the file beside a database, whose checkpoints hold for one version of the method and take up to
     /// `most_bytes`.
     pub(crate) fn beside(database: &Path, version: &'static str, most_bytes: u64) -> Self {
+        Self::at(Place::File(files::beside(database, ENDING)), version, most_bytes)
+    }
+
+    /// The same in tables that several servers share, whose checkpoints take up to `most_bytes` together.
+    pub(super) fn on(keepers: Pool, version: &'static str, most_bytes: u64) -> Self {
+        Self::at(Place::Tables(keepers), version, most_bytes)
+    }
+
+    fn at(place: Place, version: &'static str, most_bytes: u64) -> Self {
         let (jobs, queue) = mpsc::channel(QUEUE);
         let closed = CancellationToken::new();
-        let file = CheckpointFile { path: files::beside(database, ENDING), version, most_bytes };
+        let keeper = Keeper { place, version, most_bytes, measured: None };
         let announce = closed.clone().drop_guard();
         tokio::spawn(async move {
-            file.serve(queue).await;
+            keeper.serve(queue).await;
             drop(announce);
         });
         Self { jobs, closed }
@@ -171,26 +198,38 @@ impl Checkpoints {
     }
 }
 
-/// The file, and whoever writes and reads it.
+/// Where checkpoints are.
 #[derive(Debug)]
-struct CheckpointFile {
-    path: PathBuf,
-    version: &'static str,
-    most_bytes: u64,
+enum Place {
+    File(PathBuf),
+    Tables(Pool),
 }
 
-impl CheckpointFile {
-    async fn serve(self, mut queue: mpsc::Receiver<Job>) {
+/// Whoever writes and reads them.
+#[derive(Debug)]
+struct Keeper {
+    place: Place,
+    version: &'static str,
+    most_bytes: u64,
+    /// When it was last measured how much is kept.
+    measured: Option<Instant>,
+}
+
+impl Keeper {
+    async fn serve(mut self, mut queue: mpsc::Receiver<Job>) {
         let mut connection = self.opened().await;
+        let mut broken_at = None;
         let mut jobs = Vec::with_capacity(BATCH);
         while queue.recv_many(&mut jobs, BATCH).await > 0 {
             let ends = jobs.iter().any(|job| matches!(job, Job::Close));
-            if let Some(open) = &mut connection
-                && let Err(failure) = self.serve_all(open, &mut jobs).await
-            {
-                tracing::warn!(%failure, path = %self.path.display(), "checkpoints are made anew: sessions open slower");
-                drop(connection.take());
-                connection = self.anew().await;
+            if connection.is_none() && broken_at.is_some_and(|at: Instant| at.elapsed() >= PAUSE) {
+                connection = self.opened().await;
+            }
+            if let Some(mut open) = connection.take() {
+                match self.serve_all(&mut open, &mut jobs).await {
+                    Ok(()) => connection = Some(open),
+                    Err(failure) => (connection, broken_at) = self.recover(open, &failure).await,
+                }
             }
             // Who asked is told that there is none.
             jobs.clear();
@@ -201,76 +240,122 @@ impl CheckpointFile {
         if let Some(connection) = connection {
             let _ = connection.close().await;
         }
+        if let Place::Tables(keepers) = &self.place {
+            keepers.close().await;
+        }
     }
 
-    async fn opened(&self) -> Option<SqliteConnection> {
+    /// After a failure: a file is made anew, and a connection is opened again in a while.
+    async fn recover(
+        &self,
+        broken: Connection,
+        failure: &sqlx::Error,
+    ) -> (Option<Connection>, Option<Instant>) {
+        match &self.place {
+            Place::File(path) => {
+                tracing::warn!(%failure, path = %path.display(), "checkpoints are made anew: sessions open slower");
+                drop(broken);
+                (self.anew().await, None)
+            }
+            Place::Tables(keepers) => {
+                tracing::warn!(%failure, "checkpoints are neither kept nor found for a moment: sessions open slower");
+                keepers.discard(broken);
+                (None, Some(Instant::now()))
+            }
+        }
+    }
+
+    async fn opened(&self) -> Option<Connection> {
         match self.open().await {
             Ok(connection) => Some(connection),
             Err(_) => self.anew().await,
         }
     }
 
-    async fn anew(&self) -> Option<SqliteConnection> {
-        for ending in ["", "-wal", "-shm"] {
-            let _ = std::fs::remove_file(files::beside(&self.path, ending));
+    async fn anew(&self) -> Option<Connection> {
+        if let Place::File(path) = &self.place {
+            for ending in ["", "-wal", "-shm"] {
+                let _ = std::fs::remove_file(files::beside(path, ending));
+            }
         }
-        let opened = self.open().await;
-        let complain = |failure: &sqlx::Error| {
-            tracing::warn!(%failure, path = %self.path.display(), "no checkpoints are kept: sessions open slower");
-        };
-        opened.inspect_err(complain).ok()
+        let complain =
+            |failure: &sqlx::Error| tracing::warn!(%failure, "no checkpoints are kept: sessions open slower");
+        self.open().await.inspect_err(complain).ok()
     }
 
-    async fn open(&self) -> Result<SqliteConnection, sqlx::Error> {
-        files::create_private(&self.path)?;
+    async fn open(&self) -> Result<Connection, sqlx::Error> {
+        let path = match &self.place {
+            Place::File(path) => path,
+            Place::Tables(keepers) => {
+                let mut connection = keepers.acquire().await?;
+                // What a crash takes of a cache is computed again.
+                sql("set synchronous_commit = off").execute(&mut connection).await?;
+                return Ok(connection);
+            }
+        };
+        files::create_private(path)?;
         // What a crash leaves half written is found, and then made anew.
         let options = SqliteConnectOptions::new()
-            .filename(&self.path)
+            .filename(path)
             .journal_mode(SqliteJournalMode::Wal)
             .synchronous(SqliteSynchronous::Off);
-        let mut connection = options.connect().await?;
+        let mut connection = Connection::Sqlite(options.connect().await?);
         for table in TABLES {
-            sqlx::query(table).execute(&mut connection).await?;
+            sql(table).execute(&mut connection).await?;
         }
-        let others = sqlx::query("delete from checkpoints where algorithm_version <> $1");
+        let others = sql("delete from checkpoints where algorithm_version <> $1");
         others.bind(self.version).execute(&mut connection).await?;
         // Those of another version, and of sessions that were deleted.
-        let unused =
-            "delete from shown where digest not in (select shown from checkpoints where shown is not null)";
-        sqlx::query(unused).execute(&mut connection).await?;
+        let unused = "delete from shown where not exists (
+            select 1 from checkpoints c where c.session_id = shown.session_id and c.shown = shown.digest)";
+        sql(unused).execute(&mut connection).await?;
         Ok(connection)
     }
 
     async fn serve_all(
-        &self,
-        connection: &mut SqliteConnection,
+        &mut self,
+        connection: &mut Connection,
         jobs: &mut Vec<Job>,
     ) -> Result<(), sqlx::Error> {
-        let mut transaction = connection.begin().await?;
+        sql("begin").execute(connection).await?;
         let mut has_grown = false;
         for job in jobs.drain(..) {
             has_grown |= matches!(job, Job::Keep { .. });
-            self.serve_one(&mut transaction, job).await?;
+            self.serve_one(connection, job).await?;
         }
         if has_grown {
-            self.keep_within_bounds(&mut transaction).await?;
+            self.keep_within_bounds(connection).await?;
         }
-        transaction.commit().await
+        sql("commit").execute(connection).await?;
+        Ok(())
     }
 
-    async fn serve_one(&self, connection: &mut SqliteConnection, job: Job) -> Result<(), sqlx::Error> {
+    async fn serve_one(&self, connection: &mut Connection, job: Job) -> Result<(), sqlx::Error> {
         match job {
             Job::Keep { session_id, created_us, kept: Kept { seq, state_hash, checkpoint, shown } } => {
                 let digest = shown.as_ref().map(|shown| Sha256::digest(shown).to_vec());
+                let now = now_us();
                 if let Some((digest, shown)) = digest.as_ref().zip(shown) {
-                    let query = sqlx::query("insert or ignore into shown (digest, bytes) values ($1, $2)");
-                    query.bind(digest).bind(shown).execute(&mut *connection).await?;
+                    let query = sql("insert into shown (session_id, digest, bytes, size, kept_us)
+                         values ($1, $2, $3, $4, $5) on conflict (session_id, digest) do nothing");
+                    let size = shown.len() as i64;
+                    query
+                        .bind(&session_id)
+                        .bind(digest)
+                        .bind(shown)
+                        .bind(size)
+                        .bind(now)
+                        .execute(connection)
+                        .await?;
                 }
-                sqlx::query(
-                    "insert or replace into checkpoints
-                         (session_id, created_us, seq, algorithm_version, state_hash, bytes, shown)
-                     values ($1, $2, $3, $4, $5, $6, $7)",
-                )
+                let size = checkpoint.as_ref().map_or(0, Vec::len) as i64;
+                sql("insert into checkpoints
+                         (session_id, created_us, seq, algorithm_version, state_hash, bytes, shown, size, kept_us)
+                     values ($1, $2, $3, $4, $5, $6, $7, $8, $9)
+                     on conflict (session_id, seq, algorithm_version) do update set
+                         created_us = excluded.created_us, state_hash = excluded.state_hash,
+                         bytes = excluded.bytes, shown = excluded.shown, size = excluded.size,
+                         kept_us = excluded.kept_us")
                 .bind(session_id)
                 .bind(created_us)
                 .bind(seq)
@@ -278,31 +363,34 @@ impl CheckpointFile {
                 .bind(state_hash)
                 .bind(checkpoint)
                 .bind(digest)
+                .bind(size)
+                .bind(now)
                 .execute(connection)
                 .await?;
             }
             Job::Seqs { session_id, created_us, after, to, found } => {
-                let query = sqlx::query_scalar(
-                    "select seq from checkpoints
-                     where session_id = $1 and created_us = $2 and seq > $3 and seq <= $4 and bytes is not null
-                     order by seq desc",
-                );
-                let query = query.bind(session_id).bind(created_us).bind(after).bind(to);
-                let _ = found.send(query.fetch_all(connection).await?);
+                let query = sql("select seq from checkpoints
+                     where session_id = $1 and created_us = $2 and seq > $3 and seq <= $4
+                         and algorithm_version = $5 and bytes is not null
+                     order by seq desc");
+                let query = query.bind(session_id).bind(created_us).bind(after).bind(to).bind(self.version);
+                let seqs: Vec<(i64,)> = query.all(connection).await?;
+                let _ = found.send(seqs.into_iter().map(|(seq,)| seq).collect());
             }
             Job::Get { session_id, seq, found } => {
-                let query = sqlx::query_as(
-                    "select seq, state_hash, bytes from checkpoints where session_id = $1 and seq = $2",
-                );
-                let _ = found.send(query.bind(session_id).bind(seq).fetch_optional(connection).await?);
+                let query = sql("select seq, state_hash, bytes from checkpoints
+                     where session_id = $1 and seq = $2 and algorithm_version = $3 and bytes is not null");
+                let query = query.bind(session_id).bind(seq).bind(self.version);
+                let _ = found.send(query.optional(connection).await?);
             }
             Job::Shown { session_id, created_us, seq, state_hash, found } => {
-                let query = sqlx::query_as(
-                    "select shown.digest, shown.bytes from checkpoints join shown on shown.digest = checkpoints.shown
-                     where session_id = $1 and created_us = $2 and seq = $3 and state_hash = $4",
-                );
-                let query = query.bind(session_id).bind(created_us).bind(seq).bind(state_hash);
-                let kept: Option<(Vec<u8>, Vec<u8>)> = query.fetch_optional(connection).await?;
+                let query = sql("select s.digest, s.bytes
+                     from checkpoints c join shown s on s.session_id = c.session_id and s.digest = c.shown
+                     where c.session_id = $1 and c.created_us = $2 and c.seq = $3 and c.state_hash = $4
+                         and c.algorithm_version = $5");
+                let query =
+                    query.bind(session_id).bind(created_us).bind(seq).bind(state_hash).bind(self.version);
+                let kept: Option<(Vec<u8>, Vec<u8>)> = query.optional(connection).await?;
                 // Damaged bytes are none: who asked is told so by the channel's end.
                 if let Some((_, bytes)) =
                     kept.filter(|(digest, bytes)| Sha256::digest(bytes)[..] == digest[..])
@@ -311,36 +399,43 @@ impl CheckpointFile {
                 }
             }
             Job::Forget { session_id } => {
-                let query = sqlx::query("delete from checkpoints where session_id = $1");
-                query.bind(session_id).execute(connection).await?;
+                for table in ["checkpoints", "shown"] {
+                    let query = sql(format!("delete from {table} where session_id = $1"));
+                    query.bind(&session_id).execute(connection).await?;
+                }
             }
             Job::Close => {}
         }
         Ok(())
     }
 
-    async fn keep_within_bounds(&self, connection: &mut SqliteConnection) -> Result<(), sqlx::Error> {
-        let used: i64 = sqlx::query_scalar(
+    async fn keep_within_bounds(&mut self, connection: &mut Connection) -> Result<(), sqlx::Error> {
+        let is_shared = connection.is_shared();
+        if is_shared && self.measured.is_some_and(|at| at.elapsed() < MEASURE_AGAIN) {
+            return Ok(());
+        }
+        self.measured = Some(Instant::now());
+        let used = if is_shared {
+            "select cast(coalesce((select sum(size) from checkpoints), 0)
+                 + coalesce((select sum(size) from shown), 0) as bigint)"
+        } else {
             "select (page_count - freelist_count) * page_size
-             from pragma_page_count, pragma_freelist_count, pragma_page_size",
-        )
-        .fetch_one(&mut *connection)
-        .await?;
-        if u64::try_from(used).unwrap_or(0) > self.most_bytes {
-            // What is shown takes most, and is computed again from a checkpoint.
-            let shown = sqlx::query(
-                "delete from shown where id <= (select min(id) + (max(id) - min(id)) / $1 from shown)",
-            );
-            if shown.bind(GIVEN_UP).execute(&mut *connection).await?.rows_affected() > 0 {
+             from pragma_page_count, pragma_freelist_count, pragma_page_size"
+        };
+        let used: Option<i64> = sql(used).scalar(connection).await?;
+        if used.and_then(|used| u64::try_from(used).ok()).unwrap_or(0) <= self.most_bytes {
+            return Ok(());
+        }
+        // What is shown takes most, and is computed again from a checkpoint.
+        for table in ["shown", "checkpoints"] {
+            let query = sql(format!(
+                "delete from {table} where kept_us <= (
+                     select kept_us from {table} order by kept_us
+                     limit 1 offset (select count(*) / $1 from {table}))"
+            ));
+            if query.bind(GIVEN_UP).execute(connection).await? > 0 {
                 return Ok(());
             }
-            sqlx::query(
-                "delete from checkpoints
-                 where id <= (select min(id) + (max(id) - min(id)) / $1 from checkpoints)",
-            )
-            .bind(GIVEN_UP)
-            .execute(connection)
-            .await?;
         }
         Ok(())
     }
@@ -348,6 +443,8 @@ impl CheckpointFile {
 
 #[cfg(test)]
 mod tests {
+    use sqlx::Connection as _;
+
     use super::*;
 
     const MOST_BYTES: u64 = 1 << 20;
@@ -462,7 +559,12 @@ mod tests {
         let mut file = SqliteConnectOptions::new().filename(&path).connect().await.unwrap();
         let count: i64 = sqlx::query_scalar("select count(*) from shown").fetch_one(&mut file).await.unwrap();
         assert_eq!(count, 4);
-        sqlx::query("update shown set bytes = zeroblob(5000) where id = 1").execute(&mut file).await.unwrap();
+        sqlx::query(
+            "update shown set bytes = zeroblob(5000) where kept_us = (select min(kept_us) from shown)",
+        )
+        .execute(&mut file)
+        .await
+        .unwrap();
         file.close().await.unwrap();
         let checkpoints = folder.open("1");
         assert_eq!(checkpoints.shown(("ball", 7), 2, "hash of 2").await, None, "damaged");

@@ -7,6 +7,7 @@ use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{ConnectOptions, Connection, SqliteConnection};
 
 use super::backup::{Hear, Progress};
+use super::engine::{Connection as Engine, sql};
 use super::open::{self, MIGRATIONS};
 use super::proof::{Proof, prove_all};
 use super::witness::{self, Testimony};
@@ -108,8 +109,9 @@ async fn look_into(
         damaged => damaged,
     };
     found.damage = checked.err().map(|error| error.to_string());
+    let mut connection = Engine::Sqlite(connection);
     let log: Option<(String, i64, i64)> =
-        sqlx::query_as("select identity, appended, missing from log").fetch_optional(&mut connection).await?;
+        sql("select identity, appended, missing from log").optional(&mut connection).await?;
     if let Some((identity, appended, missing)) = log {
         found.missing = missing;
         found.witness = match witness {
@@ -118,8 +120,8 @@ async fn look_into(
             Some(said) => Witnessed::Missing((said.appended - appended).max(0)),
         };
     }
-    let events: i64 = sqlx::query_scalar("select count(*) from events").fetch_one(&mut connection).await?;
-    let events = u64::try_from(events).unwrap_or(0);
+    let events = sql("select count(*) from events").scalar::<i64>(&mut connection).await?;
+    let events = u64::try_from(events.unwrap_or(0)).unwrap_or(0);
     found.proof = Some(prove_all(&mut connection, &|read| hear(Progress::Proved(read, events))).await?);
     connection.close().await
 }

@@ -1,9 +1,11 @@
 //! Links a log of an earlier version: SQLite could not compute the hashes in its migration.
 
-use sqlx::{Connection, FromRow, QueryBuilder, Sqlite, SqliteConnection};
+use sqlx::FromRow;
 
+use super::engine::{Connection, sql};
 use super::link::{self, Sealed};
-use super::read::{EVENT_COLUMNS, EventRow};
+use super::proof::page;
+use super::read::EventRow;
 
 /// A session without its link.
 #[derive(FromRow)]
@@ -19,42 +21,38 @@ struct Session {
 ///
 /// # Errors
 /// The database cannot be read or written.
-pub(super) async fn link_all(connection: &mut SqliteConnection) -> Result<usize, sqlx::Error> {
+pub(super) async fn link_all(connection: &mut Connection) -> Result<usize, sqlx::Error> {
     let query = "select session_id, created_us, state, head, summary from sessions where link is null";
-    let sessions: Vec<Session> = sqlx::query_as(query).fetch_all(&mut *connection).await?;
+    let sessions: Vec<Session> = sql(query).all(connection).await?;
     if !sessions.is_empty() {
         tracing::info!(sessions = sessions.len(), "linking the events of an earlier version's log");
     }
     for session in &sessions {
-        let mut transaction = connection.begin().await?;
-        link_session(&mut transaction, session).await?;
-        transaction.commit().await?;
+        sql("begin").execute(connection).await?;
+        link_session(connection, session).await?;
+        sql("commit").execute(connection).await?;
     }
     Ok(sessions.len())
 }
 
-async fn link_session(connection: &mut SqliteConnection, session: &Session) -> Result<(), sqlx::Error> {
+async fn link_session(connection: &mut Connection, session: &Session) -> Result<(), sqlx::Error> {
     let Session { session_id, created_us, state, head, summary } = session;
     let mut before = link::first(session_id);
     let mut last = 0;
     loop {
-        let mut query = QueryBuilder::<Sqlite>::new("select ");
-        query.push(EVENT_COLUMNS).push(" where e.session_id = ").push_bind(session_id);
-        query.push(" and e.seq > ").push_bind(last).push(" order by e.seq limit 1");
-        let event: Option<EventRow> = query.build_query_as().fetch_optional(&mut *connection).await?;
-        let Some(EventRow { event, .. }) = event else { break };
+        let Some(EventRow { event, .. }) = page(connection, session_id, last, 1).await?.pop() else { break };
         before = event.link(&before);
         last = event.seq;
-        sqlx::query("update events set link = $1 where session_id = $2 and seq = $3")
+        sql("update events set link = $1 where session_id = $2 and seq = $3")
             .bind(before.as_slice())
             .bind(session_id)
             .bind(last)
-            .execute(&mut *connection)
+            .execute(connection)
             .await?;
     }
     let link = before.as_slice();
     let sealed = Sealed { session_id, created_us: *created_us, state: *state, head: *head, link, summary };
-    sqlx::query("update sessions set link = $1, seal = $2 where session_id = $3")
+    sql("update sessions set link = $1, seal = $2 where session_id = $3")
         .bind(link)
         .bind(link::seal(&sealed).as_slice())
         .bind(session_id)

@@ -8,16 +8,21 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
+use sqlx::error::DatabaseError;
 use sqlx::migrate::{MigrateError, Migrator};
-use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
+use sqlx::sqlite::{
+    SqliteConnectOptions, SqliteError, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous,
+};
 use sqlx::{ConnectOptions, SqliteConnection, SqlitePool};
 use uuid::Uuid;
 
+use super::engine::{Connection, sql};
 use super::files::{self, OpenedFiles};
+use super::postgres::Address;
 use super::witness::{Testimony, Witness};
 use super::{checks, linking};
 
-pub(super) static MIGRATIONS: Migrator = sqlx::migrate!("../migrations");
+pub(super) static MIGRATIONS: Migrator = sqlx::migrate!("../migrations/sqlite");
 
 const READERS: u32 = 4;
 /// Another process may hold the file for the time of one of its commits.
@@ -45,6 +50,14 @@ pub enum OpenError {
     Open {
         /// The file.
         path: PathBuf,
+        /// What went wrong.
+        source: sqlx::Error,
+    },
+    /// PostgreSQL cannot be reached.
+    #[error("cannot reach the database {address}: {}", unreachable(source))]
+    Connect {
+        /// Where it is.
+        address: Address,
         /// What went wrong.
         source: sqlx::Error,
     },
@@ -139,9 +152,24 @@ fn reason(path: &Path, source: &sqlx::Error) -> String {
     }
 }
 
+/// Why PostgreSQL was not reached, in words that say what to do.
+fn unreachable(source: &sqlx::Error) -> String {
+    match source {
+        sqlx::Error::Database(error) => match error.code().as_deref() {
+            Some("28P01" | "28000") => format!("{error}: check the user and the password, or sslmode"),
+            Some("3D000") => format!("{error}: make it first, with createdb or create database"),
+            _ => error.to_string(),
+        },
+        sqlx::Error::Io(error) => format!("{error}: does PostgreSQL run there, and listen on that port?"),
+        sqlx::Error::Tls(error) => format!("TLS: {error}: check sslmode and sslrootcert in the address"),
+        other => other.to_string(),
+    }
+}
+
 /// SQLite's primary result code, which is the low byte of the code that it gives.
 pub(super) fn primary_code(error: &sqlx::Error) -> Option<i64> {
-    let code: i64 = error.as_database_error()?.code()?.parse().ok()?;
+    let error = error.as_database_error()?.try_downcast_ref::<SqliteError>()?;
+    let code: i64 = error.code()?.parse().ok()?;
     Some(code & 0xff)
 }
 
@@ -149,7 +177,7 @@ pub(super) fn primary_code(error: &sqlx::Error) -> Option<i64> {
 #[derive(Debug)]
 pub(super) struct Opened {
     pub(super) database: PathBuf,
-    pub(super) connection: SqliteConnection,
+    pub(super) connection: Connection,
     /// The files as they are now.
     pub(super) files: OpenedFiles,
     pub(super) witness: Arc<Witness>,
@@ -206,26 +234,29 @@ async fn open_held(database: &Path, witness: &Arc<Witness>) -> Result<Opened, Op
     let mut connection = writer(database).await?;
     checks::pages(&mut connection, database).await?;
     checks::tables(&mut connection, &MIGRATIONS, database).await?;
+    let mut connection = Connection::Sqlite(connection);
     linking::link_all(&mut connection).await?;
     // Something is written, so that the log of changes is there.
-    sqlx::query(
-        "insert into log (id, identity, appended, missing, checked_us)
-         values (1, $1, (select count(*) from events), 0, 0)
-         on conflict (id) do update set checked_us = checked_us + 1",
-    )
-    .bind(Uuid::now_v7().to_string())
-    .execute(&mut connection)
-    .await?;
+    identify(&mut connection).await?;
     let (identity, appended, missing) = hear(&mut connection, witness).await?;
     let files = OpenedFiles::of(database).map_err(|error| failed(error.into()))?;
     let (database, witness) = (database.to_owned(), Arc::clone(witness));
     Ok(Opened { database, connection, files, witness, identity, appended, missing })
 }
 
+/// Gives a new log its identity; something is written in any case.
+pub(super) async fn identify(connection: &mut Connection) -> Result<(), sqlx::Error> {
+    let query = sql("insert into log (id, identity, appended, missing, checked_us)
+         values (1, $1, (select count(*) from events), 0, 0)
+         on conflict (id) do update set checked_us = log.checked_us + 1");
+    query.bind(Uuid::now_v7().to_string()).execute(connection).await.map(drop)
+}
+
 /// The identity of the log, how many events it had ever, and how many of them are missing by what its witness says.
-async fn hear(connection: &mut SqliteConnection, witness: &Witness) -> Result<(String, i64, i64), OpenError> {
-    let query = sqlx::query_as("select identity, appended, missing from log");
-    let (identity, mut appended, mut missing): (String, i64, i64) = query.fetch_one(&mut *connection).await?;
+async fn hear(connection: &mut Connection, witness: &Witness) -> Result<(String, i64, i64), OpenError> {
+    let query = sql("select identity, appended, missing from log");
+    let said: Option<(String, i64, i64)> = query.optional(connection).await?;
+    let (identity, mut appended, mut missing) = said.ok_or(sqlx::Error::RowNotFound)?;
     let failed =
         |error: std::io::Error| OpenError::Open { path: witness.path().into(), source: error.into() };
     match witness.read().map_err(failed)? {
@@ -236,7 +267,7 @@ async fn hear(connection: &mut SqliteConnection, witness: &Witness) -> Result<(S
                 "events that were acknowledged are missing: the database or its log of changes was cut or put back"
             );
             (appended, missing) = (said.appended, missing + lost);
-            sqlx::query("update log set appended = $1, missing = $2")
+            sql("update log set appended = $1, missing = $2")
                 .bind(appended)
                 .bind(missing)
                 .execute(connection)
@@ -259,11 +290,11 @@ async fn hear(connection: &mut SqliteConnection, witness: &Witness) -> Result<(S
 ///
 /// # Errors
 /// It cannot be opened.
-pub(super) async fn reopened(database: &Path) -> Result<(SqliteConnection, i64), sqlx::Error> {
+pub(super) async fn reopened(database: &Path) -> Result<(Connection, i64), sqlx::Error> {
     let options = options(database).synchronous(SqliteSynchronous::Full);
     let mut connection = options.connect().await?;
     let appended = sqlx::query_scalar("select appended from log").fetch_one(&mut connection).await?;
-    Ok((connection, appended))
+    Ok((Connection::Sqlite(connection), appended))
 }
 
 /// The one connection that writes, with migrations run and guarantees checked.
@@ -356,8 +387,8 @@ mod tests {
         let database = folder.path().join("palpate.db");
         let mut opened = open(&database).await.unwrap();
         assert!(matches!(open(&database).await, Err(OpenError::InUse { .. })));
-        sqlx::query("drop trigger events_are_never_removed").execute(&mut opened.connection).await.unwrap();
-        sqlx::query("create view mine as select 1").execute(&mut opened.connection).await.unwrap();
+        sql("drop trigger events_are_never_removed").execute(&mut opened.connection).await.unwrap();
+        sql("create view mine as select 1").execute(&mut opened.connection).await.unwrap();
         drop(opened);
         let error = open(&database).await.unwrap_err().to_string();
         assert!(error.contains("\"events_are_never_removed\" is missing"), "{error}");

@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use sqlx::{FromRow, QueryBuilder, Sqlite};
+use sqlx::FromRow;
 
 use super::change::Damage;
+use super::engine::sql;
 use super::event::Event;
 use super::link::{self, Link, Sealed};
 use super::readable::Unread;
@@ -53,6 +54,16 @@ impl SessionRow {
         let reason = self.damage.clone()?;
         Some(Damage { session_id: self.session_id.clone(), sound: self.sound.unwrap_or(0), reason })
     }
+}
+
+/// Where the log of a session ends.
+#[derive(Clone, Debug, FromRow)]
+pub(crate) struct SessionEnd {
+    pub(crate) session_id: String,
+    pub(crate) created_us: i64,
+    pub(crate) head: i64,
+    /// Whether it is set aside.
+    pub(crate) is_damaged: bool,
 }
 
 /// An event with its link and the one before it.
@@ -114,7 +125,7 @@ pub(crate) struct ExperimentPart {
     pub(crate) state: i32,
     /// Whether they are set aside.
     pub(crate) is_damaged: bool,
-    pub(crate) sessions: u32,
+    pub(crate) sessions: i64,
     pub(crate) first_us: i64,
     pub(crate) last_us: i64,
 }
@@ -140,27 +151,38 @@ pub(super) const EVENT_COLUMNS: &str = "e.seq, e.request_id, e.request_digest, e
 impl Store {
     /// One session.
     pub(crate) async fn session(&self, session_id: &str) -> Result<Option<SessionRow>, StoreError> {
-        let mut query = QueryBuilder::<Sqlite>::new("select ");
+        let mut query = sql("select ");
         query.push(SESSION_COLUMNS).push(" where session_id = ").push_bind(session_id);
-        let row = query.build_query_as().fetch_optional(&self.readers).await;
-        Ok(row.inspect_err(|_| self.readable.note(Unread::session(session_id)))?)
+        let row = self.readers.optional(query).await;
+        Ok(row.inspect_err(|_| self.note_unread(Unread::session(session_id)))?)
+    }
+
+    /// Where the logs of these sessions end, of those that there are.
+    pub(crate) async fn ends(&self, session_ids: &[&str]) -> Result<Vec<SessionEnd>, StoreError> {
+        let mut query =
+            sql("select session_id, created_us, head, damage is not null as is_damaged from sessions
+             where session_id in (");
+        for (index, session_id) in session_ids.iter().enumerate() {
+            query.push(if index == 0 { "" } else { ", " }).push_bind(*session_id);
+        }
+        query.push(")");
+        Ok(self.readers.all(query).await?)
     }
 
     /// How many sessions are set aside because their log cannot be trusted.
     pub(crate) async fn damaged_count(&self) -> Result<i64, StoreError> {
-        let query = sqlx::query_scalar("select count(*) from sessions where damage is not null");
-        Ok(query.fetch_one(&self.readers).await?)
+        Ok(self.readers.one(sql("select count(*) from sessions where damage is not null")).await?)
     }
 
     /// How many sessions there are.
     pub(crate) async fn session_count(&self) -> Result<i64, StoreError> {
-        Ok(sqlx::query_scalar("select count(*) from sessions").fetch_one(&self.readers).await?)
+        Ok(self.readers.one(sql("select count(*) from sessions")).await?)
     }
 
     /// The experiment of a session; nothing where there is no such session.
     pub(crate) async fn experiment_of(&self, session_id: &str) -> Result<Option<String>, StoreError> {
-        let query = sqlx::query_scalar("select experiment from sessions where session_id = $1");
-        Ok(query.bind(session_id).fetch_optional(&self.readers).await?)
+        let query = sql("select experiment from sessions where session_id = $1");
+        Ok(self.readers.scalar(query.bind(session_id)).await?)
     }
 
     /// Up to `count` experiments whose names begin with `prefix` after the one called `after`, by name, each in as many
@@ -171,8 +193,7 @@ impl Store {
         after: Option<&str>,
         count: i64,
     ) -> Result<Vec<ExperimentPart>, StoreError> {
-        let query = sqlx::query_as(
-            "select experiment, state, damage is not null as is_damaged, count(*) as sessions,
+        let query = sql("select experiment, state, damage is not null as is_damaged, count(*) as sessions,
                  min(created_us) as first_us, max(created_us) as last_us
              from sessions
              where experiment in (
@@ -180,9 +201,8 @@ impl Store {
                  where ($1 is null or experiment > $1) and substr(experiment, 1, length($3)) = $3
                  order by experiment limit $2
              )
-             group by experiment, state, damage is not null order by experiment",
-        );
-        Ok(query.bind(after).bind(count).bind(prefix).fetch_all(&self.readers).await?)
+             group by experiment, state, damage is not null order by experiment");
+        Ok(self.readers.all(query.bind(after).bind(count).bind(prefix)).await?)
     }
 
     /// Up to `count` sessions after `after`, newest first.
@@ -193,7 +213,7 @@ impl Store {
         count: i64,
     ) -> Result<Vec<SessionRow>, StoreError> {
         let Filter { experiments, experiment, state, labels } = filter;
-        let mut query = QueryBuilder::<Sqlite>::new("select ");
+        let mut query = sql("select ");
         query.push(SESSION_COLUMNS).push(" where 1 = 1");
         if let Some(prefix) = experiments {
             query
@@ -216,14 +236,16 @@ impl Store {
         }
         for (name, value) in labels {
             query.push(" and session_id in (select session_id from session_labels where name = ");
-            query.push_bind(name).push(" and value = ").push_bind(value).push(")");
+            query.push_bind(name).push(" and value = ").push_bind(value);
+            // An index of PostgreSQL takes no longer ones.
+            query.push(" and substr(value, 1, 200) = substr(").push_bind(value).push(", 1, 200))");
         }
         if let Some(PageEnd { created_us, session_id }) = after {
             query.push(" and (created_us, session_id) < (").push_bind(created_us);
             query.push(", ").push_bind(session_id).push(")");
         }
         query.push(" order by created_us desc, session_id desc limit ").push_bind(count);
-        Ok(query.build_query_as().fetch_all(&self.readers).await?)
+        Ok(self.readers.all(query).await?)
     }
 
     /// Up to `count` events with a seq above `after`, oldest first, each as it was appended. Fewer come where they are
@@ -265,10 +287,10 @@ impl Store {
         };
         let mut rows = match rows {
             Err(error) if is_unreadable(&error) => {
-                self.readable.insist(&error, Unread::event_after(session_id, after)).await?;
+                self.insist(&error, Unread::event_after(session_id, after)).await?;
                 return Err(damaged(format!("event {} cannot be read: {error}", after + 1)));
             }
-            other => other.inspect_err(|_| self.readable.note(Unread::event_after(session_id, after)))?,
+            other => other.inspect_err(|_| self.note_unread(Unread::event_after(session_id, after)))?,
         };
         let expected = |index: usize| after + 1 + index as i64;
         let is_sound =
@@ -296,7 +318,7 @@ impl Store {
         bytes: usize,
     ) -> Result<Vec<EventRow>, sqlx::Error> {
         // The sizes are in the rows' heads, so what is too large is not read to find that out.
-        let mut query = QueryBuilder::<Sqlite>::new(
+        let mut query = sql(
             "with sized as (select seq, length(payload) + length(reply) as size from events where session_id = ",
         );
         query.push_bind(session_id).push(" and seq > ").push_bind(after);
@@ -307,7 +329,7 @@ impl Store {
         query.push(" and e.seq <= (select coalesce(max(case when total <= ");
         query.push_bind(i64::try_from(bytes).unwrap_or(i64::MAX));
         query.push(" then seq end), min(seq)) from summed) order by e.seq");
-        query.build_query_as().fetch_all(&self.readers).await
+        self.readers.all(query).await
     }
 
     /// The event of the first request under this id, if there was one, as it was appended.
@@ -319,10 +341,10 @@ impl Store {
         session_id: &str,
         request_id: &str,
     ) -> Result<Option<Event>, StoreError> {
-        let mut query = QueryBuilder::<Sqlite>::new("select ");
+        let mut query = sql("select ");
         query.push(EVENT_COLUMNS).push(" where e.session_id = ").push_bind(session_id);
         query.push(" and e.request_id = ").push_bind(request_id);
-        let row: Option<EventRow> = query.build_query_as().fetch_optional(&self.readers).await?;
+        let row: Option<EventRow> = self.readers.optional(query).await?;
         match row {
             Some(row) if !row.is_sound(session_id) => {
                 let reason = format!("event {} is not as it was appended", row.event.seq);
@@ -362,11 +384,31 @@ impl Store {
         Ok(Err(damage))
     }
 
-    /// What a creation under this request id made, if there was one; the session may be deleted by now.
-    pub(crate) async fn created_by(&self, request_id: &str) -> Result<Option<FirstRequest>, StoreError> {
-        let query =
-            sqlx::query_as("select session_id, request_digest, reply from creations where request_id = $1");
-        Ok(query.bind(request_id).fetch_optional(&self.readers).await?)
+    /// What a creation under this request id made, if there was one; the session may be deleted by now. The request is
+    /// for the session `chosen`.
+    pub(crate) async fn created_by(
+        &self,
+        chosen: &str,
+        request_id: &str,
+    ) -> Result<Option<FirstRequest>, StoreError> {
+        if !self.readers.is_shared() {
+            let query = sql("select session_id, request_digest, reply from creations where request_id = $1");
+            return Ok(self.readers.optional(query.bind(request_id)).await?);
+        }
+        let made = |session_id: &str| {
+            let query = sql("select session_id, request_digest, reply from creations
+                 where session_id = $1 and request_id = $2");
+            self.readers.optional(query.bind(session_id).bind(request_id))
+        };
+        if let Some(first) = made(chosen).await? {
+            return Ok(Some(first));
+        }
+        let query = sql("select session_id from created_requests where request_id = $1");
+        let other: Option<String> = self.readers.scalar(query.bind(request_id)).await?;
+        match other {
+            Some(session_id) => Ok(made(&session_id).await?),
+            None => Ok(None),
+        }
     }
 
     /// The events of one kind up to the event `to`, oldest first. What they say is to be checked with the log that they
@@ -381,12 +423,12 @@ impl Store {
         kind: &'static str,
         to: i64,
     ) -> Result<Vec<Event>, StoreError> {
-        let mut query = QueryBuilder::<Sqlite>::new("select ");
+        let mut query = sql("select ");
         query.push(EVENT_COLUMNS).push(" where e.session_id = ").push_bind(session_id);
         // Written out, so that an index of the events of this kind can be used.
         query.push(" and e.kind = '").push(kind).push("' and e.seq <= ").push_bind(to);
         query.push(" order by e.seq");
-        match query.build_query_as::<EventRow>().fetch_all(&self.readers).await {
+        match self.readers.all::<EventRow>(query).await {
             Ok(rows) => Ok(rows.into_iter().map(|row| row.event).collect()),
             // The index or one of the events: reading all of them in their order tells which.
             Err(error) if is_unreadable(&error) => self.of_kind_without_index(session_id, kind, to).await,
@@ -416,10 +458,8 @@ impl Store {
         session_id: &str,
         request_id: &str,
     ) -> Result<Option<Vec<u8>>, StoreError> {
-        let query = sqlx::query_scalar(
-            "select request_digest from deletions where session_id = $1 and request_id = $2",
-        );
-        Ok(query.bind(session_id).bind(request_id).fetch_optional(&self.readers).await?)
+        let query = sql("select request_digest from deletions where session_id = $1 and request_id = $2");
+        Ok(self.readers.scalar(query.bind(session_id).bind(request_id)).await?)
     }
 }
 

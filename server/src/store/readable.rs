@@ -12,7 +12,8 @@ use std::time::Duration;
 use sqlx::{Connection, SqliteConnection};
 use tokio::time::Instant;
 
-use super::{Store, StoreError, files, open};
+use super::engine::sql;
+use super::{Log, Store, StoreError, files, open};
 
 /// A read this long ago still says how things are.
 const FRESH: Duration = Duration::from_secs(1);
@@ -107,7 +108,12 @@ impl Store {
     /// # Errors
     /// [`StoreError::Down`] when the disk does not read it.
     pub(crate) async fn check_readable(&self) -> Result<(), StoreError> {
-        let readable = &self.readable;
+        let Log::Sqlite(log) = &self.log else {
+            // The disk is that of PostgreSQL.
+            let _: String = self.readers.one(sql("select identity from log")).await?;
+            return Ok(());
+        };
+        let readable = &log.readable;
         if lock(&readable.last_read).is_some_and(|read| read.elapsed() < FRESH) {
             return Ok(());
         }

@@ -10,9 +10,9 @@ use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
 use sqlx::migrate::MigrateError;
-use sqlx::{Connection, SqliteConnection};
 
 use super::backup::{BackupError, Hear, Partial, Progress, check_open, sync_folder};
+use super::engine::{Connection as Engine, sql};
 use super::inspection::DATABASE_FILES;
 use super::open::{self, OpenError};
 use super::proof::Proof;
@@ -88,18 +88,22 @@ async fn restore_held(
 ) -> Result<Restored, BackupError> {
     let partial = Partial::beside(database)?;
     copy(from, &partial, hear).map_err(BackupError::file(from))?;
-    let mut connection = open::writer(&partial.path).await.map_err(|error| match error {
+    let connection = open::writer(&partial.path).await.map_err(|error| match error {
         OpenError::Migrate(MigrateError::VersionMissing(_)) => BackupError::Newer { path: from.into() },
         OpenError::Open { source, .. } => OpenError::Open { path: from.into(), source }.into(),
         other => other.into(),
     })?;
+    let mut connection = Engine::Sqlite(connection);
     linking::link_all(&mut connection).await?;
-    let proof = check_open(&mut connection, from, hear).await?;
+    connection.close().await?;
+    let connection = open::writer(&partial.path).await?;
+    let (proof, mut connection) = check_open(connection, from, hear).await?;
     if let Some((session_id, reason)) = proof.broken.first().cloned() {
         return Err(BackupError::Broken { path: from.into(), session_id, reason });
     }
-    let query = sqlx::query_as("select identity, appended from log");
-    let (identity, appended): (String, i64) = query.fetch_one(&mut connection).await?;
+    let query = sql("select identity, appended from log");
+    let said: Option<(String, i64)> = query.optional(&mut connection).await?;
+    let (identity, appended) = said.ok_or(sqlx::Error::RowNotFound)?;
     let mut older = compared(&heads(&mut connection).await?, database).await;
     connection.close().await?;
     let said = witness.read().map_err(BackupError::file(witness.path()))?;
@@ -123,9 +127,10 @@ fn copy(from: &Path, to: &Partial, hear: Hear<'_>) -> std::io::Result<()> {
 }
 
 /// Session id, creation and last event of each session.
-async fn heads(connection: &mut SqliteConnection) -> Result<Vec<(String, i64, i64)>, sqlx::Error> {
-    let query = "select session_id, created_us, head from sessions order by created_us, session_id";
-    sqlx::query_as(query).fetch_all(connection).await
+async fn heads(connection: &mut Engine) -> Result<Vec<(String, i64, i64)>, sqlx::Error> {
+    sql("select session_id, created_us, head from sessions order by created_us, session_id")
+        .all(connection)
+        .await
 }
 
 /// What the log that is here has more; nothing where there is none that can be read.
@@ -134,7 +139,8 @@ async fn compared(restored: &[(String, i64, i64)], database: &Path) -> Older {
     if !database.is_file() {
         return older;
     }
-    let Ok(mut connection) = open::reader(database).await else { return older };
+    let Ok(connection) = open::reader(database).await else { return older };
+    let mut connection = Engine::Sqlite(connection);
     let here = heads(&mut connection).await.unwrap_or_default();
     // Only reading ends.
     let _ = connection.close().await;

@@ -3,7 +3,7 @@
 use super::*;
 
 async fn open(folder: &tempfile::TempDir) -> Store {
-    Store::open(&path(folder), "1", &Limits::default()).await.unwrap()
+    Store::open(&path(folder).into(), "1", &Limits::default()).await.unwrap()
 }
 
 fn path(folder: &tempfile::TempDir) -> std::path::PathBuf {
@@ -155,9 +155,9 @@ async fn a_full_disk_is_told_apart_and_forgotten_once_there_is_room() {
     let path = path(&folder);
     let mut opened = open::open(&path).await.unwrap();
     // A bound on the file stands for one on the disk.
-    let pages: i64 = sqlx::query_scalar("pragma page_count").fetch_one(&mut opened.connection).await.unwrap();
-    let bound = sqlx::AssertSqlSafe(format!("pragma max_page_count = {}", pages + 12));
-    sqlx::query(bound).execute(&mut opened.connection).await.unwrap();
+    let pages: i64 = sql("pragma page_count").scalar(&mut opened.connection).await.unwrap().unwrap();
+    let bound = format!("pragma max_page_count = {}", pages + 12);
+    sql(bound).execute(&mut opened.connection).await.unwrap();
     let store = Store::over(opened, open::readers(&path).await.unwrap(), "1", &Limits::default());
     store.begin("mug", event(1, "a")).await.unwrap();
     let large = Event { payload: vec![7; 200_000], ..event(2, "b") };
@@ -200,7 +200,7 @@ async fn a_request_id_creates_one_session_which_is_found_by_it() {
     let store = open(&folder).await;
     store.begin("one", event(1, "a")).await.unwrap();
     assert!(matches!(store.begin("two", event(1, "a")).await, Err(StoreError::Conflict)));
-    assert_eq!(store.created_by("a").await.unwrap().unwrap().session_id, "one");
+    assert_eq!(store.created_by("one", "a").await.unwrap().unwrap().session_id, "one");
     assert!(store.session("two").await.unwrap().is_none(), "the losing creation left nothing behind");
     store.check_writable().await.unwrap();
     store.close().await;

@@ -8,12 +8,12 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use sqlx::{Connection, SqliteConnection};
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
 use super::change::Change;
+use super::engine::{Connection, sql};
 use super::open::{self, Opened};
 use super::witness::Testimony;
 use super::{StoreError, apply};
@@ -119,10 +119,7 @@ impl Writer {
         if self.disk_was_full {
             // A page that is there already takes no room, so more is written to see whether there is some.
             execute(connection, "create table room (bytes blob)").await?;
-            sqlx::query("insert into room values (zeroblob($1))")
-                .bind(ROOM)
-                .execute(&mut *connection)
-                .await?;
+            sql("insert into room values (zeroblob($1))").bind(ROOM).execute(connection).await?;
             execute(connection, "drop table room").await?;
         }
         if self.measured.is_none_or(|(at, _)| at.elapsed() > FRESH) {
@@ -136,7 +133,7 @@ impl Writer {
                 continue;
             }
             execute(connection, "savepoint change").await?;
-            let outcome = apply::apply(connection, &job.change).await;
+            let outcome = apply::apply(connection, &job.change).await.map_err(StoreError::from);
             if let Err(failure @ (StoreError::Full | StoreError::Down(_))) = outcome {
                 // The engine may have rolled back the whole group by itself.
                 return Err(failure);
@@ -149,8 +146,7 @@ impl Writer {
         }
         let added = appended(jobs, &outcomes);
         if added > 0 {
-            let query = sqlx::query("update log set appended = appended + $1");
-            query.bind(added).execute(&mut *connection).await?;
+            sql("update log set appended = appended + $1").bind(added).execute(connection).await?;
         }
         execute(connection, "commit").await?;
         Ok(outcomes)
@@ -193,7 +189,7 @@ async fn receive(
     queue.recv_many(jobs, batch).await
 }
 
-async fn execute(connection: &mut SqliteConnection, statement: &'static str) -> Result<(), StoreError> {
-    sqlx::query(statement).execute(connection).await?;
+async fn execute(connection: &mut Connection, statement: &'static str) -> Result<(), StoreError> {
+    sql(statement).execute(connection).await?;
     Ok(())
 }

@@ -8,7 +8,7 @@ use palpate_server::access::{NewToken, Scope, Tokens};
 use palpate_server::{Limits, ServeOptions};
 use tempfile::TempDir;
 
-use super::{Http, Server};
+use super::{Http, Server, database};
 
 /// A server, and the tokens of those who may call it, by their names.
 pub(crate) struct Guarded {
@@ -31,7 +31,7 @@ pub(crate) fn new_token(name: &str, scope: Scope) -> NewToken {
 
 /// The tokens of a new database in this folder.
 pub(crate) async fn issue(folder: &TempDir, new: &[NewToken]) -> BTreeMap<String, String> {
-    let mut file = Tokens::open(&folder.path().join("palpate.db")).await.unwrap();
+    let mut file = Tokens::open(&database::location(&folder.path().join("palpate.db")).await).await.unwrap();
     let mut tokens = BTreeMap::new();
     for new in new {
         tokens.insert(new.name.clone(), file.create(new).await.unwrap().token);
@@ -56,7 +56,8 @@ impl Guarded {
 
     /// Revokes a token while the server runs.
     pub(crate) async fn revoke(&self, name: &str) {
-        let mut tokens = Tokens::open(&self.server.folder().join("palpate.db")).await.unwrap();
+        let mut tokens =
+            Tokens::open(&database::location(&self.server.folder().join("palpate.db")).await).await.unwrap();
         tokens.revoke(name).await.unwrap();
         tokens.close().await.unwrap();
     }

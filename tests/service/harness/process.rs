@@ -10,7 +10,7 @@ use tokio::io::{AsyncBufReadExt, BufReader};
 use tokio::process::{Child, Command};
 
 use super::server::channel_to;
-use super::{Caller, Http, Transport, soon};
+use super::{Caller, Http, Transport, database, soon};
 
 /// A running `palpate serve`; killed when it is dropped.
 #[derive(Debug)]
@@ -45,7 +45,7 @@ impl Process {
         let mut command = Command::new(env!("CARGO_BIN_EXE_palpate-under-test"));
         command
             .args(["--log-format", "json", "--log", level, "serve", "--listen", listen, "--database"])
-            .arg(database)
+            .arg(database::argument(database).await)
             .stderr(Stdio::piped())
             .kill_on_drop(true);
         more(&mut command);
@@ -77,7 +77,8 @@ impl Process {
     /// The same with more for the program, such as its environment.
     pub(crate) async fn refusal_with(database: &Path, more: impl FnOnce(&mut Command)) -> String {
         let mut command = Command::new(env!("CARGO_BIN_EXE_palpate-under-test"));
-        command.args(["serve", "--listen", "127.0.0.1:0", "--database"]).arg(database);
+        command.args(["serve", "--listen", "127.0.0.1:0", "--database"]);
+        command.arg(database::argument(database).await);
         more(&mut command);
         let refused = soon("the program ends", command.output()).await.unwrap();
         assert!(!refused.status.success());

@@ -5,14 +5,14 @@ use std::path::Path;
 use std::time::Duration;
 
 use palpate_client::{Client, RetryPolicy};
-use palpate_server::{Limits, ServeError, ServeOptions, serve};
+use palpate_server::{Limits, Location, ServeError, ServeOptions, serve};
 use tempfile::TempDir;
 use tokio::net::TcpListener;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 use tonic::transport::Channel;
 
-use super::{Caller, Http, Transport, soon};
+use super::{Caller, Http, Transport, database, soon};
 
 /// A running server; stopped when it is dropped, gracefully by [`Server::stop`].
 pub(crate) struct Server {
@@ -50,12 +50,26 @@ impl Server {
     }
 
     pub(super) async fn over(folder: TempDir, options: ServeOptions) -> Self {
+        let database = database::location(&folder.path().join("palpate.db")).await;
+        Self::serving(folder, ServeOptions { database, ..options }).await
+    }
+
+    async fn serving(folder: TempDir, options: ServeOptions) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = listener.local_addr().unwrap();
         let shutdown = CancellationToken::new();
-        let options = ServeOptions { database: folder.path().join("palpate.db"), ..options };
         let serving = tokio::spawn(serve(listener, options, shutdown.clone()));
         Self { address, folder, shutdown, serving }
+    }
+
+    /// A server over this log; a relative path is one in a folder of its own.
+    pub(crate) async fn on(database: Location) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let database = match database {
+            Location::File(path) => Location::File(folder.path().join(path)),
+            shared @ Location::Postgres(_) => shared,
+        };
+        Self::serving(folder, ServeOptions { database, ..ServeOptions::default() }).await
     }
 
     /// Stops gracefully, and waits until the server has ended by itself.

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use bytesize::ByteSize;
 use palpate_server::{Proof, back_up};
 
+use super::database::DatabaseArgs;
 use crate::failure::{Ended, Failure};
 use crate::progress::CopyProgress;
 use crate::terminal::{counted, say, warn};
@@ -18,9 +19,8 @@ For instance: palpate backup --database palpate.db --to /backup/palpate-monday.d
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The database.
-    #[arg(long, env = "PALPATE_DATABASE", value_name = "FILE", default_value = "palpate.db")]
-    database: PathBuf,
+    #[command(flatten)]
+    database: DatabaseArgs,
 
     /// Where the copy is written; an existing file is never overwritten.
     #[arg(long, value_name = "FILE")]
@@ -30,6 +30,8 @@ pub(crate) struct Args {
 /// Copies, and says what is in the copy.
 pub(crate) async fn run(args: Args) -> Result<(), Failure> {
     let Args { database, to } = args;
+    let instead = "copy it with pg_dump, or into a file with `palpate migrate --from ADDRESS --to copy.db`";
+    let database = database.file(instead)?;
     writable::check("--to", &to)?;
     let progress = CopyProgress::new()?;
     let show = |step| progress.show(step);

@@ -1,5 +1,7 @@
 //! `palpate config`: all settings of a server, with where each comes from.
 
+use std::borrow::Cow;
+
 use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches};
 use palpate_server::Limits;
@@ -69,8 +71,12 @@ fn setting(arg: &Arg, file: Option<&ConfigFile>, matches: &ArgMatches) -> String
         _ => "default".to_owned(),
     };
     let also = environment.map(|name| format!(", {name}")).unwrap_or_default();
-    let values: Vec<String> =
-        matches.get_raw(id).into_iter().flatten().map(|raw| quoted(&raw.to_string_lossy())).collect();
+    let values: Vec<String> = matches
+        .get_raw(id)
+        .into_iter()
+        .flatten()
+        .map(|raw| quoted(&masked(&raw.to_string_lossy())))
+        .collect();
     let line = match (values.as_slice(), arg.get_action()) {
         ([], ArgAction::Append) => format!("{name} = []"),
         ([], ArgAction::SetTrue) => format!("{name} = false"),
@@ -85,10 +91,39 @@ fn comment(text: &str) -> String {
     textwrap::fill(text, textwrap::Options::new(100).initial_indent("# ").subsequent_indent("# "))
 }
 
+/// A value without the password that an address may have.
+fn masked(text: &str) -> Cow<'_, str> {
+    let Some((scheme, rest)) = text.split_once("://") else { return text.into() };
+    let authority = &rest[..rest.find(['/', '?']).unwrap_or(rest.len())];
+    match authority.rsplit_once('@').and_then(|(user, _)| user.split_once(':')) {
+        Some((user, password)) => {
+            format!("{scheme}://{user}:***{}", &rest[user.len() + 1 + password.len()..]).into()
+        }
+        None => text.into(),
+    }
+}
+
 /// A value as TOML has it.
 fn quoted(text: &str) -> String {
     match text.parse::<toml::Value>() {
         Ok(value @ (toml::Value::Integer(_) | toml::Value::Boolean(_))) => value.to_string(),
         _ => toml::Value::String(text.to_owned()).to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_password_is_not_shown() {
+        for (address, shown) in [
+            ("postgres://lab:se:cr@t@db/palpate", "postgres://lab:***@db/palpate"),
+            ("postgres://lab@db:5432/palpate", "postgres://lab@db:5432/palpate"),
+            ("postgres://db:5432/palpate?a=b:c@d", "postgres://db:5432/palpate?a=b:c@d"),
+            ("palpate.db", "palpate.db"),
+        ] {
+            assert_eq!(masked(address), shown);
+        }
     }
 }

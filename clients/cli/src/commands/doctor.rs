@@ -5,8 +5,9 @@ mod finding;
 mod host;
 mod port;
 mod server;
+mod shared;
 
-use palpate_server::inspect;
+use palpate_server::{Location, inspect, inspect_shared};
 use serde_json::json;
 
 use self::finding::{Findings, Level};
@@ -46,10 +47,18 @@ pub(crate) struct Args {
 /// Looks at everything, and prints what it found.
 pub(crate) async fn run(args: Args) -> Result<(), Failure> {
     let limits = args.serve.limits()?;
-    let path = &args.serve.database;
+    let location = args.serve.database.location()?;
     let mut findings = Findings::default();
     host::program(&mut findings);
-    let is_held = if path.is_file() {
+    let is_held = if let Location::Postgres(address) = &location {
+        let progress = CopyProgress::new()?;
+        let show = |step| progress.show(step);
+        let found = inspect_shared(address, &show).await;
+        progress.finish();
+        shared::report(address, &found, &limits, &mut findings);
+        host::clock(found.proof.as_ref(), &mut findings);
+        false
+    } else if let Some(path) = location.file().filter(|path| path.is_file()) {
         let progress = CopyProgress::new()?;
         let show = |step| progress.show(step);
         let found = inspect(path, &show).await;
@@ -60,7 +69,7 @@ pub(crate) async fn run(args: Args) -> Result<(), Failure> {
         host::clock(found.proof.as_ref(), &mut findings);
         found.is_held
     } else {
-        let text = format!("there is no {}: a server makes it when it starts", path.display());
+        let text = format!("there is no {location}: a server makes it when it starts");
         findings.warn("database", text, "name the database with --database, or start a server");
         host::clock(None, &mut findings);
         false

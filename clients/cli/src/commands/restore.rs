@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use palpate_server::{Older, restore};
 
 use super::backup::{contents, newest};
+use super::database::DatabaseArgs;
 use crate::failure::Failure;
 use crate::progress::CopyProgress;
 use crate::terminal::{counted, say, warn};
@@ -26,9 +27,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE")]
     from: PathBuf,
 
-    /// The database that a server will be started with.
-    #[arg(long, env = "PALPATE_DATABASE", value_name = "FILE", default_value = "palpate.db")]
-    database: PathBuf,
+    #[command(flatten)]
+    database: DatabaseArgs,
 
     /// Put it in the place of a database that exists, which is kept under another name.
     #[arg(long)]
@@ -38,6 +38,7 @@ pub(crate) struct Args {
 /// Restores, and says what is older now; not to be interrupted between the two files.
 pub(crate) async fn run(args: Args) -> Result<(), Failure> {
     let Args { from, database, replace } = args;
+    let database = database.file("`palpate migrate --from copy.db --to ADDRESS` brings a copy there")?;
     writable::check("--database", &database)?;
     if database.exists() && !replace {
         let text = format!(

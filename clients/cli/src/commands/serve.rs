@@ -11,10 +11,11 @@ use http::HeaderValue;
 use tokio::net::TcpListener;
 use tokio_util::sync::CancellationToken;
 
+use super::database::{DatabaseArgs, check_writable};
 use super::{log_level, simulations};
 use crate::config_file::ConfigFile;
 use crate::failure::Failure;
-use crate::{limits, writable};
+use crate::limits;
 use palpate_server::access::{Scope, require};
 use palpate_server::{Limits, ServeOptions, TlsFiles, parse_host, parse_origin, serve};
 
@@ -51,9 +52,8 @@ pub(crate) struct Args {
     #[arg(value_parser = resolve)]
     pub(super) listen: SocketAddr,
 
-    /// The SQLite file that holds all sessions; made where it does not exist.
-    #[arg(long, env = "PALPATE_DATABASE", value_name = "FILE", default_value = "palpate.db")]
-    pub(super) database: PathBuf,
+    #[command(flatten)]
+    pub(super) database: DatabaseArgs,
 
     /// Ask nobody who they are, on whatever address: anyone who reaches the port can then read and change every
     /// session. On the loopback that is so unless tokens are required.
@@ -151,7 +151,8 @@ pub(crate) async fn run(args: Args) -> Result<(), Failure> {
                     leave one of them out"
             .into());
     }
-    writable::check("--database", &database)?;
+    let database = database.location()?;
+    check_writable("--database", &database)?;
     let listener = TcpListener::bind(listen).await.map_err(|error| explain_bind(listen, &error))?;
     tell_risks(listen, require_tokens, tls.is_some());
     let shutdown = CancellationToken::new();

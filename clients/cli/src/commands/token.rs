@@ -1,11 +1,11 @@
 //! `palpate token`: who may call a server that asks.
 
-use std::path::PathBuf;
 use std::time::{Duration, UNIX_EPOCH};
 
 use clap::Subcommand;
 use palpate_server::access::{NewToken, Scope, TokenInfo, Tokens};
 
+use super::database::DatabaseArgs;
 use super::list::table;
 use crate::failure::Failure;
 use crate::terminal::{say, warn};
@@ -14,7 +14,7 @@ pub(super) const ABOUT: &str = "\
 Makes, lists and revokes the tokens that callers of a server show.
 
 A server asks for them when it listens on other addresses than the loopback, or with --require-tokens. Whoever may \
-write the database file may make tokens, whether a server runs on it or not: a new token counts at once, and a revoked \
+write the database may make tokens, whether a server runs on it or not: a new token counts at once, and a revoked \
 one no longer within a second, also where its caller has a stream open.
 
 Scopes, of which each includes those before it:
@@ -34,9 +34,8 @@ Examples:
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The database of the server.
-    #[arg(long, env = "PALPATE_DATABASE", value_name = "FILE", default_value = "palpate.db", global = true)]
-    database: PathBuf,
+    #[command(flatten)]
+    database: DatabaseArgs,
 
     #[command(subcommand)]
     command: Command,
@@ -90,8 +89,9 @@ struct Create {
 /// Changes or shows the tokens of the database.
 pub(crate) async fn run(args: Args) -> Result<(), Failure> {
     let Args { database, command } = args;
-    if !matches!(command, Command::Create(_)) && !database.exists() {
-        return Err(format!("there is no database {}: --database says which one", database.display()).into());
+    let database = database.location()?;
+    if !matches!(command, Command::Create(_)) && database.file().is_some_and(|file| !file.exists()) {
+        return Err(format!("there is no database {database}: --database says which one").into());
     }
     let mut tokens = Tokens::open(&database).await?;
     match command {

@@ -62,7 +62,8 @@ fn migrations(found: &Inspection, findings: &mut Findings) {
     }
 }
 
-fn chain(proof: &Proof, findings: &mut Findings) {
+/// What the links of the sessions say.
+pub(super) fn chain(proof: &Proof, findings: &mut Findings) {
     for (session_id, reason) in &proof.broken {
         findings.problem(
             "chain",

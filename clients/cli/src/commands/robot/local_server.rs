@@ -33,7 +33,7 @@ impl LocalServer {
         let shutdown = CancellationToken::new();
         let additional_routes = simulations::router(address, SIMULATED_ROBOTS, shutdown.clone());
         let options =
-            ServeOptions { database: database.to_owned(), additional_routes, ..ServeOptions::default() };
+            ServeOptions { database: database.into(), additional_routes, ..ServeOptions::default() };
         let task = tokio::spawn(serve(listener, options, shutdown.clone()));
         match Client::connect(&url).await {
             Ok(client) => Ok((Self { url, shutdown: shutdown.drop_guard(), task }, client)),
