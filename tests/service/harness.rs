@@ -1,5 +1,6 @@
 //! What every test needs: a server to call, callers of both transports, and something to say.
 
+mod authority;
 pub(crate) mod ball;
 pub(crate) mod bundle;
 mod caller;
@@ -21,6 +22,7 @@ pub(crate) mod truth;
 
 use std::time::Duration;
 
+pub(crate) use authority::{Authority, Identity};
 pub(crate) use caller::{Caller, Transport, reply};
 pub(crate) use codec::OnTheWire;
 pub(crate) use guarded::{Guarded, issue, new_token};

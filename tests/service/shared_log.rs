@@ -11,7 +11,7 @@ use crate::harness::database::address;
 use crate::harness::postgres::Installation;
 use crate::harness::truth::keep_ball;
 use crate::harness::{
-    Http, Process, Server, accepted, creation, miss, new_token, report, run, run_with, send, soon,
+    Authority, Http, Process, Server, accepted, creation, miss, new_token, report, run, run_with, send, soon,
 };
 
 #[tokio::test]
@@ -87,6 +87,34 @@ async fn a_database_that_comes_back_is_found_again_and_nothing_is_answered_meanw
     assert!(accepted(server.http().get("/readyz")).await.is_ok());
     let seqs: Vec<i64> = server.grpc().log("mug").await.iter().map(|event| event.seq).collect();
     assert_eq!(seqs, [1, 2, 3]);
+}
+
+#[tokio::test]
+async fn the_way_to_the_database_is_encrypted_and_its_certificate_is_looked_at() {
+    let Some(installation) = Installation::find() else { return };
+    let authority = Authority::new();
+    authority.write("server", &authority.issue("the database"));
+    // PostgreSQL reads them as its own user, who alone may read the key.
+    let files = ["server.pem", "server-key.pem"].map(|name| installation.take(&authority.path().join(name)));
+    let settings = [
+        "ssl=on".to_owned(),
+        format!("ssl_cert_file={}", files[0].display()),
+        format!("ssl_key_file={}", files[1].display()),
+    ];
+    let postgres = installation.start(&settings.each_ref().map(String::as_str)).await;
+    let plain = address(&postgres.url(), "palpate").await;
+    let trusting = |authority: &Authority| {
+        format!("{plain}?sslmode=verify-full&sslrootcert={}", authority.path().join("ca.pem").display())
+    };
+    let refusal = Process::refusal(trusting(&Authority::new()).as_ref()).await;
+    assert!(refusal.contains("check sslmode and sslrootcert"), "{refusal}");
+    let server = Process::serve(trusting(&authority).as_ref()).await;
+    server.caller(crate::harness::Transport::Grpc).begin("mug").await;
+    let folder = tempfile::tempdir().unwrap();
+    for (address, is_warned) in [(trusting(&authority), false), (format!("{plain}?sslmode=disable"), true)] {
+        let doctor = run(folder.path(), &["doctor", "--database", &address]).await;
+        assert_eq!(doctor.out.contains("can be read on its way"), is_warned, "{}", doctor.out);
+    }
 }
 
 #[tokio::test]

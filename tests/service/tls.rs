@@ -1,77 +1,28 @@
 //! Encrypted connections: certificates of a lab's own authority, clients that are known by theirs, and new files while
 //! the server runs.
 
-use std::path::Path;
 use std::process::Output;
 use std::time::Duration;
 
 use palpate_client::Client;
 use palpate_server::access::Scope;
 use palpate_server::{ServeOptions, TlsFiles};
-use rcgen::{BasicConstraints, CertificateParams, CertifiedIssuer, DnType, IsCa, KeyPair};
-use tempfile::TempDir;
 use tokio::process::Command;
 
-use crate::harness::{Guarded, creation, new_token, say_raw, soon};
+use crate::harness::{Authority, Guarded, Identity, creation, new_token, say_raw, soon};
 
-/// An authority with its files.
-struct Authority {
-    folder: TempDir,
-    issuer: CertifiedIssuer<'static, KeyPair>,
-}
-
-/// A certificate and its key, in PEM.
-struct Identity {
-    certificate: String,
-    key: String,
-}
-
-impl Authority {
-    fn new() -> Self {
-        let mut params = CertificateParams::new(Vec::new()).unwrap();
-        params.is_ca = IsCa::Ca(BasicConstraints::Unconstrained);
-        params.distinguished_name.push(DnType::CommonName, "the lab");
-        let issuer = CertifiedIssuer::self_signed(params, KeyPair::generate().unwrap()).unwrap();
-        let folder = tempfile::tempdir().unwrap();
-        std::fs::write(folder.path().join("ca.pem"), issuer.pem()).unwrap();
-        Self { folder, issuer }
-    }
-
-    fn issue(&self, common_name: &str) -> Identity {
-        let names = vec!["localhost".to_owned(), "127.0.0.1".to_owned()];
-        let mut params = CertificateParams::new(names).unwrap();
-        params.distinguished_name.push(DnType::CommonName, common_name);
-        let key = KeyPair::generate().unwrap();
-        let certificate = params.signed_by(&key, &self.issuer).unwrap();
-        Identity { certificate: certificate.pem(), key: key.serialize_pem() }
-    }
-
-    fn pem(&self) -> String {
-        self.issuer.pem()
-    }
-
-    fn path(&self) -> &Path {
-        self.folder.path()
-    }
-
-    /// Writes what a server or curl reads: `NAME.pem` and `NAME-key.pem`.
-    fn write(&self, name: &str, identity: &Identity) {
-        std::fs::write(self.path().join(format!("{name}.pem")), &identity.certificate).unwrap();
-        std::fs::write(self.path().join(format!("{name}-key.pem")), &identity.key).unwrap();
-    }
-
-    fn files(&self, trusts_clients: bool) -> TlsFiles {
-        TlsFiles {
-            certificate: self.path().join("server.pem"),
-            key: self.path().join("server-key.pem"),
-            client_ca: trusts_clients.then(|| self.path().join("ca.pem")),
-        }
+/// What a server of this authority is given.
+fn files(authority: &Authority, trusts_clients: bool) -> TlsFiles {
+    TlsFiles {
+        certificate: authority.path().join("server.pem"),
+        key: authority.path().join("server-key.pem"),
+        client_ca: trusts_clients.then(|| authority.path().join("ca.pem")),
     }
 }
 
 async fn server(authority: &Authority, trusts_clients: bool) -> Guarded {
     authority.write("server", &authority.issue("server"));
-    let options = ServeOptions { tls: Some(authority.files(trusts_clients)), ..ServeOptions::default() };
+    let options = ServeOptions { tls: Some(files(authority, trusts_clients)), ..ServeOptions::default() };
     Guarded::with_options(&[new_token("arm", Scope::Robot)], options).await
 }
 

@@ -218,12 +218,13 @@ struct Keeper {
 impl Keeper {
     async fn serve(mut self, mut queue: mpsc::Receiver<Job>) {
         let mut connection = self.opened().await;
-        let mut broken_at = None;
+        let mut broken_at = connection.is_none().then(Instant::now);
         let mut jobs = Vec::with_capacity(BATCH);
         while queue.recv_many(&mut jobs, BATCH).await > 0 {
             let ends = jobs.iter().any(|job| matches!(job, Job::Close));
-            if connection.is_none() && broken_at.is_some_and(|at: Instant| at.elapsed() >= PAUSE) {
+            if connection.is_none() && broken_at.is_some_and(|at| at.elapsed() >= PAUSE) {
                 connection = self.opened().await;
+                broken_at = connection.is_none().then(Instant::now);
             }
             if let Some(mut open) = connection.take() {
                 match self.serve_all(&mut open, &mut jobs).await {

@@ -103,6 +103,16 @@ impl Installation {
         std::fs::read_to_string(self.log(port)).unwrap()
     }
 
+    /// A copy of a file that PostgreSQL alone may read.
+    pub(crate) fn take(&self, file: &Path) -> PathBuf {
+        use std::os::unix::fs::PermissionsExt;
+        let copy = self.folder.path().join(file.file_name().unwrap());
+        std::fs::copy(file, &copy).unwrap();
+        std::fs::set_permissions(&copy, std::fs::Permissions::from_mode(0o600)).unwrap();
+        give(&copy);
+        copy
+    }
+
     fn log(&self, port: u16) -> PathBuf {
         self.folder.path().join(format!("{port}.log"))
     }
@@ -155,7 +165,7 @@ impl Drop for Postgres {
 }
 
 /// Gives a file or folder to the user that PostgreSQL runs as.
-pub(crate) fn give(path: &Path) {
+fn give(path: &Path) {
     if is_root() {
         let given = Command::new("chown").arg(format!("{USER}:")).arg(path).status().unwrap();
         assert!(given.success());

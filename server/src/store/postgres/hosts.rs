@@ -18,8 +18,9 @@ use super::open;
 
 /// How long one host may take to say whether it takes writes.
 const ASK: Duration = Duration::from_secs(2);
-/// How long a connection is waited for before all hosts are asked.
-const PATIENCE: Duration = Duration::from_millis(500);
+/// How long a connection is waited for before all hosts are asked, where there are several: it may have to be made, far
+/// away and encrypted.
+const PATIENCE: Duration = Duration::from_secs(2);
 /// The wait between two questions, where no host takes writes.
 const ASK_AGAIN: Duration = Duration::from_millis(20);
 
@@ -147,7 +148,8 @@ impl Hosts {
     pub(in crate::store) async fn acquire(&self) -> Result<PoolConnection<Postgres>, sqlx::Error> {
         let end = Instant::now() + self.0.limit;
         loop {
-            let patience = PATIENCE.min(end.saturating_duration_since(Instant::now()));
+            let left = end.saturating_duration_since(Instant::now());
+            let patience = if self.0.hosts.len() > 1 { PATIENCE.min(left) } else { left };
             let failure = match tokio::time::timeout(patience, self.0.pool.acquire()).await {
                 Ok(Ok(connection)) => return Ok(connection),
                 Ok(Err(error @ sqlx::Error::PoolClosed)) => return Err(error),
