@@ -9,7 +9,7 @@ use sqlx::{Connection, SqliteConnection};
 
 use crate::harness::truth::keep_ball;
 use crate::harness::{
-    Caller, Server, Transport, accepted, creation, header, miss, prior, report, soon, touch,
+    Caller, Server, Transport, accepted, creation, database, header, miss, prior, report, soon, touch,
 };
 
 fn member(session_id: &str, experiment: &str, object: &str) -> v1::CreateSessionRequest {
@@ -175,6 +175,10 @@ async fn a_damaged_session_is_in_no_group_and_too_many_are_refused() {
         caller.set_reference(keep_ball(session_id)).await.unwrap();
     }
     let damage = async |database: &Path| {
+        if database::is_shared() {
+            let statement = "update events set actor = 'nobody' where session_id = 'damaged' and seq = 2";
+            return database::run(database, statement).await;
+        }
         let options = SqliteConnectOptions::new().filename(database);
         let mut connection = SqliteConnection::connect_with(&options).await.unwrap();
         let trigger = "select sql from sqlite_schema where name = 'events_are_never_changed'";

@@ -125,7 +125,7 @@ impl<S: Aggregate> Sessions<S> {
         live: &Arc<Live<S>>,
         deadline: Instant,
     ) -> Result<(), Error> {
-        let _permit = live.patient_permit(deadline).await?;
+        let _permit = live.permit_to_catch_up(deadline).await?;
         let now = Instant::now();
         let end = self.store.ends(&[session_id]).await?.pop();
         // This server may have appended what was missed.

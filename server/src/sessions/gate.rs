@@ -62,6 +62,15 @@ impl Gate {
         Ok(Pass { since: Instant::now(), place, _turn: turn })
     }
 
+    /// Waits for a turn without a place in the line: for what takes a moment, and has nobody refused.
+    ///
+    /// # Errors
+    /// The deadline passed.
+    pub(super) async fn step_in(&self, deadline: Instant) -> Result<OwnedSemaphorePermit, Error> {
+        let turn = tokio::time::timeout_at(deadline, self.turn.clone().acquire_owned()).await;
+        turn.map_err(|_elapsed| Error::DeadlineExceeded)?.map_err(|_closed| Error::Draining)
+    }
+
     fn place(self: &Arc<Self>, is_patient: bool, deadline: Instant) -> Result<Place, Error> {
         let now = Instant::now();
         let mut traffic = self.lock();

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use tokio::sync::{OnceCell, watch};
+use tokio::sync::{OnceCell, OwnedSemaphorePermit, watch};
 use tokio::time::Instant;
 
 use super::States;
@@ -77,12 +77,12 @@ impl<S> Live<S> {
         self.permit.enter(false, deadline).await
     }
 
-    /// The same for who is never refused when he comes.
+    /// The same for who only brings it up to what the log says.
     ///
     /// # Errors
     /// The deadline passed.
-    pub(super) async fn patient_permit(&self, deadline: Instant) -> Result<Pass, Error> {
-        self.permit.enter(true, deadline).await
+    pub(super) async fn permit_to_catch_up(&self, deadline: Instant) -> Result<OwnedSemaphorePermit, Error> {
+        self.permit.step_in(deadline).await
     }
 
     /// When it was last known to be what the log says.

@@ -160,8 +160,11 @@ fn unreachable(source: &sqlx::Error) -> String {
             Some("3D000") => format!("{error}: make it first, with createdb or create database"),
             _ => error.to_string(),
         },
+        sqlx::Error::Io(error) if error.get_ref().is_some_and(|inner| inner.is::<rustls::Error>()) => {
+            format!("{error}: check sslmode and sslrootcert in the address")
+        }
         sqlx::Error::Io(error) => format!("{error}: does PostgreSQL run there, and listen on that port?"),
-        sqlx::Error::Tls(error) => format!("TLS: {error}: check sslmode and sslrootcert in the address"),
+        sqlx::Error::Tls(error) => format!("{error}: check sslmode and sslrootcert in the address"),
         other => other.to_string(),
     }
 }
