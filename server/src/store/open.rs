@@ -152,6 +152,12 @@ fn reason(path: &Path, source: &sqlx::Error) -> String {
     }
 }
 
+/// Whether a connection failed at its encryption.
+fn is_about_tls(error: &std::io::Error) -> bool {
+    let inner = error.get_ref().and_then(|inner| inner.downcast_ref::<rustls::Error>());
+    inner.is_some()
+}
+
 /// Why PostgreSQL was not reached, in words that say what to do.
 fn unreachable(source: &sqlx::Error) -> String {
     match source {
@@ -160,7 +166,7 @@ fn unreachable(source: &sqlx::Error) -> String {
             Some("3D000") => format!("{error}: make it first, with createdb or create database"),
             _ => error.to_string(),
         },
-        sqlx::Error::Io(error) if error.get_ref().is_some_and(|inner| inner.is::<rustls::Error>()) => {
+        sqlx::Error::Io(error) if is_about_tls(error) => {
             format!("{error}: check sslmode and sslrootcert in the address")
         }
         sqlx::Error::Io(error) => format!("{error}: does PostgreSQL run there, and listen on that port?"),
