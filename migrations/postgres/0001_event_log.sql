@@ -101,7 +101,7 @@ create table reference_errors (
     seq bigint not null,
     algorithm_version text not null, -- under which the estimate was computed
     surface_distance_m double precision, -- null where the estimate cannot be compared
-    constraint reference_errors_pk primary key (session_id, seq),
+    constraint reference_errors_pk primary key (session_id, seq, algorithm_version),
     constraint reference_errors_of_a_reference foreign key (session_id) references session_references (session_id) on delete cascade
 );
 

@@ -2,6 +2,8 @@
 //!
 //! `PALPATE_TEST_KILLS=50 PALPATE_TEST_FAILOVERS=5 cargo test -p palpate-tests --test service -- replicas --nocapture`
 //! kills servers and databases as often as that and prints the figures; `PALPATE_TEST_SEED` chooses the moments.
+//! With `PALPATE_TEST_OTHER_PROGRAM`, a `palpate` of another version, every other server is one of that: an upgrade on
+//! the way, and back.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -92,6 +94,14 @@ async fn some_more(count: &AtomicU64, random: &mut Random) {
     tokio::time::sleep(Duration::from_millis(LEAST_MS + random.below(SPREAD_MS) as u64)).await;
 }
 
+/// A server, which may be of the other version.
+async fn started(database: &str, number: usize) -> Process {
+    match std::env::var_os("PALPATE_TEST_OTHER_PROGRAM") {
+        Some(other) if number % 2 == 1 => Process::serve_of(other.as_ref(), database.as_ref()).await,
+        _ => Process::serve(database.as_ref()).await,
+    }
+}
+
 #[tokio::test]
 async fn what_was_acknowledged_survives_kills_of_servers_and_of_the_database_that_they_share() {
     let Some(installation) = Installation::find() else { return };
@@ -106,7 +116,7 @@ async fn what_was_acknowledged_survives_kills_of_servers_and_of_the_database_tha
 
     let mut replicas = Vec::new();
     for _ in 0..REPLICAS {
-        let server = Process::serve(database.as_ref()).await;
+        let server = started(&database, replicas.len()).await;
         let proxy = Proxy::to(server.address).await;
         replicas.push((server, proxy));
     }
@@ -127,7 +137,7 @@ async fn what_was_acknowledged_survives_kills_of_servers_and_of_the_database_tha
         some_more(&count, &mut random).await;
         let (server, proxy) = replicas.remove(random.below(REPLICAS));
         server.kill().await;
-        let server = Process::serve(database.as_ref()).await;
+        let server = started(&database, kill as usize).await;
         proxy.switch(server.address);
         replicas.push((server, proxy));
         // The failovers lie among the kills, at equal distances.

@@ -14,7 +14,7 @@ fn series(session_id: &str) -> v1::GetSeriesRequest {
 }
 
 /// The series once no error is missing.
-async fn complete(caller: &Caller, session_id: &str) -> v1::GetSeriesResponse {
+pub(crate) async fn complete(caller: &Caller, session_id: &str) -> v1::GetSeriesResponse {
     let end = Instant::now() + Duration::from_secs(60);
     loop {
         let found = caller.series(series(session_id)).await.unwrap();

@@ -7,12 +7,13 @@ use palpate_proto::v1;
 use palpate_server::access::Scope;
 use serde_json::{Value, json};
 
-use crate::harness::database::address;
+use crate::harness::database::{address, texts};
 use crate::harness::postgres::Installation;
 use crate::harness::truth::keep_ball;
 use crate::harness::{
     Authority, Http, Process, Server, accepted, creation, miss, new_token, report, run, run_with, send, soon,
 };
+use crate::series::complete;
 
 #[tokio::test]
 async fn a_database_that_would_lose_what_is_acknowledged_or_cannot_be_reached_is_refused_in_words() {
@@ -285,4 +286,49 @@ async fn each_transaction_keeps_to_one_session_and_nothing_rests_on_what_engines
         .map(|key| key.split_once(' ').unwrap().0)
         .collect();
     assert_eq!(elsewhere, ["created_requests", "log", "tickets", "tokens"], "{keys:?}");
+}
+
+/// What a server of another version of the method keeps of the states of this one: as many rows, of its own.
+const OF_ANOTHER_VERSION: [&str; 2] = [
+    "insert into checkpoints (session_id, created_us, seq, algorithm_version, state_hash, bytes, shown, size, kept_us)
+     select session_id, created_us, seq, 'another', state_hash, 'nonsense', shown, size, kept_us from checkpoints
+     returning session_id",
+    "insert into reference_errors (session_id, seq, algorithm_version, surface_distance_m)
+     select session_id, seq, 'another', 12.5 from reference_errors returning session_id",
+];
+
+#[tokio::test]
+async fn what_a_server_of_another_version_keeps_beside_the_log_is_neither_used_nor_touched() {
+    let Some(installation) = Installation::find() else { return };
+    let postgres = installation.start(&[]).await;
+    let database = address(&postgres.url(), "palpate").await;
+    let server = Server::on(database.parse().unwrap()).await;
+    let caller = server.grpc();
+    let next = caller.begin("mug").await;
+    caller.set_reference(keep_ball("mug")).await.unwrap();
+    let next = caller.go_on("mug", next, 4).await;
+    let mesh = v1::GetMeshRequest { session_id: "mug".into(), revision: 4, ..Default::default() };
+    let before = (caller.mesh(mesh.clone()).await.unwrap(), complete(&caller, "mug").await.rows);
+    server.stop().await;
+    let mut kept = Vec::new();
+    for statement in OF_ANOTHER_VERSION {
+        kept.push(texts(&database, statement).await.len());
+    }
+    assert!(kept.iter().all(|rows| *rows >= 4), "{kept:?}");
+
+    let server = Server::on(database.parse().unwrap()).await;
+    let caller = server.grpc();
+    let after = (caller.mesh(mesh).await.unwrap(), complete(&caller, "mug").await.rows);
+    assert_eq!(after, before);
+    caller.go_on("mug", next, 2).await;
+    let longer = complete(&caller, "mug").await.rows;
+    assert_eq!(longer.len(), before.1.len() + 2);
+    assert_eq!(longer[..before.1.len()], before.1[..]);
+    server.stop().await;
+    for (table, rows) in [("checkpoints", kept[0]), ("reference_errors", kept[1])] {
+        let versions = texts(&database, format!("select algorithm_version from {table}")).await;
+        let others = versions.iter().filter(|version| *version == "another").count();
+        assert_eq!(others, rows, "{table}");
+        assert!(versions.len() - others >= rows + 2, "{table}: {versions:?}");
+    }
 }

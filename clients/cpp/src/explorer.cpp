@@ -121,6 +121,8 @@ struct Explorer::Network {
       grpc::ClientContext context;
       context.set_deadline(std::chrono::system_clock::now() + kDeadline);
       if (!authorization.empty()) context.AddMetadata("authorization", authorization);
+      // A proxy before several servers sends the call to the one that has the session in memory.
+      if (!session_id.empty()) context.AddMetadata("x-session-id", session_id);
       {
         std::lock_guard lock(mutex);
         if (ending) return {grpc::StatusCode::CANCELLED, "the explorer ends"};

@@ -31,5 +31,9 @@ export function linkTo({ page, ids, revision, camera }: Place): string {
   return `#/${path}${parameters.length ? `?${parameters.join("&")}` : ""}`;
 }
 
-/** Names where one is, without going anywhere. */
-export const note = (place: Place) => history.replaceState(null, "", linkTo(place));
+/** Names where one is, without going anywhere. A page that is about to be left, since the address names another one
+ * already, changes nothing: that one would never be opened. */
+export function note(place: Place): void {
+  const { page, ids } = readPlace();
+  if (page === place.page && ids.join() === place.ids.join()) history.replaceState(null, "", linkTo(place));
+}

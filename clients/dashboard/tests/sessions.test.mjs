@@ -35,6 +35,18 @@ test("sessions are filtered by experiment and by label", async () => {
   assert.deepEqual(offered.filter((value) => /experiment:|gripper/.test(value)).sort(), ["experiment:bowls", "experiment:mugs", "gripper:left"]);
 });
 
+test("what a page notes in the address while it is left keeps nobody from the next one", async () => {
+  for (const session_id of ["left", "next"]) await on.server.ask("/v1/sessions", { session_id, frame_id: "base" });
+  await on.open("#/session/left");
+  await until("the first session", () => on.page.getByRole("heading", { name: "left" }).isVisible());
+  // The browser tells of the new address after this task only; until then the page of the old one is at work.
+  await on.page.evaluate(() => {
+    location.hash = "#/session/next";
+    document.querySelector("input[type=range]").dispatchEvent(new Event("input"));
+  });
+  await until("the next session", () => on.page.getByRole("heading", { name: "next" }).isVisible());
+});
+
 test("a view is taken from a PCD file and from a 16-bit depth image", async () => {
   const folder = mkdtempSync(join(tmpdir(), "palpate-view-"));
   writeFileSync(join(folder, "cap.pcd"), pcd(cap()));

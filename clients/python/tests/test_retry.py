@@ -23,10 +23,12 @@ class Scripted(grpc.GenericRpcHandler):
     def __init__(self) -> None:
         self.script: list[tuple[grpc.StatusCode, str, list[Message]]] = []
         self.requests: list[tuple[str, bytes]] = []
+        self.metadata: list[dict[str, str | bytes]] = []
 
     def service(self, call: grpc.HandlerCallDetails) -> grpc.RpcMethodHandler[Any, Any]:
         def answer(request: bytes, context: grpc.ServicerContext) -> bytes:
             self.requests.append((call.method, request))
+            self.metadata.append({key: value for key, value in context.invocation_metadata()})
             if call.method.endswith("GetServerInfo") or not self.script:
                 return v1.Session(session_id="s", revision=1).SerializeToString()
             code, reason, more = self.script.pop(0)
@@ -139,3 +141,17 @@ def test_a_deletion_whose_reply_was_lost_is_done(scripted: tuple[Scripted, palpa
     server.script = [gone]
     with pytest.raises(palpate.Refused):
         session.delete()
+
+
+def test_a_call_names_its_session_and_what_was_seen_of_it(scripted: tuple[Scripted, palpate.Client]) -> None:
+    server, client = scripted
+    session = client.session("s")
+    session.update(display_name="a mug")
+    named = [(said.get("x-session-id"), said.get("x-min-revision")) for said in server.metadata]
+    assert named == [(None, None), ("s", None), ("s", "1")], "what the server is, the session, and its new name"
+
+
+def test_an_id_that_no_header_can_have_is_left_to_the_server(scripted: tuple[Scripted, palpate.Client]) -> None:
+    server, client = scripted
+    client.session("a mug\n\u00e4")
+    assert "x-session-id" not in server.metadata[-1]

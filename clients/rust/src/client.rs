@@ -23,6 +23,7 @@ use tonic::{Code, Request, Response, Status};
 
 use crate::builder::Bearer;
 use crate::retry::ensure_request_id;
+use crate::routing::{About, routed};
 use crate::{ClientBuilder, Error, Exploration, RetryPolicy, Watch};
 
 /// A mesh of the finest tessellation fits with room to spare; tonic's own limit is 4 MiB.
@@ -219,12 +220,12 @@ impl Client {
     /// Sends `message` until there is an answer, a refusal that stands, or no attempt left.
     async fn call<Q, A, F>(&self, message: Q, send: impl Fn(Request<Q>) -> F) -> Result<A, Error>
     where
-        Q: Clone,
+        Q: About + Clone,
         F: Future<Output = Result<Response<A>, Status>>,
     {
         self.retry
             .run(|attempts| {
-                let mut request = Request::new(message.clone());
+                let mut request = routed(message.clone());
                 request.set_timeout(self.deadline);
                 let answer = self.in_time(send(request), attempts);
                 async { Ok(answer.await?.into_inner()) }

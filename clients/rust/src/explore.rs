@@ -14,6 +14,7 @@ use tokio_stream::wrappers::ReceiverStream;
 use tonic::Streaming;
 
 use crate::retry::ensure_request_id;
+use crate::routing::to_session;
 use crate::{Client, Error};
 
 /// An open exploration stream; made by [`Client::explore`].
@@ -151,7 +152,7 @@ impl Exploration {
         // The channel has room for this one message and its receiver is here: it cannot be refused.
         let _accepted = requests.try_send(open);
         let mut service = self.client.exploration();
-        let opening = service.explore(ReceiverStream::new(receiver));
+        let opening = service.explore(to_session(&self.open.session_id, ReceiverStream::new(receiver)));
         let answers = self.client.in_time(opening, attempts).await?.into_inner();
         self.link = Some(Link { requests, answers });
         match self.receive(attempts).await?.message {

@@ -75,6 +75,7 @@ mod error;
 mod explore;
 mod packed;
 mod retry;
+mod routing;
 #[cfg(test)]
 mod test_server;
 mod transfer;

@@ -10,6 +10,7 @@ use sha2::{Digest, Sha256};
 use tonic::Streaming;
 
 use crate::retry::ensure_request_id;
+use crate::routing::{routed, to_session};
 use crate::{Client, Error};
 
 /// Bytes of a file in one message.
@@ -73,7 +74,7 @@ impl Client {
     /// [`Error::Refused`] when there is no such session or revision.
     pub async fn replay_session(&self, request: ReplaySessionRequest) -> Result<Replay, Error> {
         let mut service = self.reconstruction();
-        let steps = self.in_time(service.replay_session(request), 1).await?.into_inner();
+        let steps = self.in_time(service.replay_session(routed(request)), 1).await?.into_inner();
         Ok(Replay { steps })
     }
 
@@ -83,7 +84,7 @@ impl Client {
     /// [`Error::Refused`] when there is no such session or revision.
     pub async fn export_session(&self, request: ExportSessionRequest) -> Result<Download, Error> {
         let mut service = self.sessions();
-        let chunks = self.in_time(service.export_session(request), 1).await?.into_inner();
+        let chunks = self.in_time(service.export_session(routed(request)), 1).await?.into_inner();
         Ok(Download { chunks, digest: Sha256::new(), is_whole: false })
     }
 
@@ -98,6 +99,7 @@ impl Client {
         bundle: Bytes,
     ) -> Result<Session, Error> {
         ensure_request_id(&mut header.request_id);
+        let session_id = header.session_id.clone();
         let header = ImportSessionRequest { part: Some(Part::Header(header)) };
         let pieces = (0..bundle.len().div_ceil(CHUNK_BYTES)).map(move |index| {
             let start = index * CHUNK_BYTES;
@@ -105,7 +107,7 @@ impl Client {
             ImportSessionRequest { part: Some(Part::Data(data)) }
         });
         let parts = tokio_stream::iter(std::iter::once(header).chain(pieces));
-        let imported = self.sessions().import_session(parts).await;
+        let imported = self.sessions().import_session(to_session(&session_id, parts)).await;
         Ok(imported.map_err(|status| Error::from_status(&status, 1))?.into_inner())
     }
 }

@@ -4,6 +4,7 @@ use palpate_proto::v1::watch_session_response::Update;
 use palpate_proto::v1::{WatchSessionRequest, WatchSessionResponse};
 use tonic::Streaming;
 
+use crate::routing::routed;
 use crate::{Client, Error};
 
 /// A stream of a session's updates that survives broken connections.
@@ -68,7 +69,7 @@ impl Watch {
 
     async fn reopen(&mut self) -> Result<&mut Streaming<WatchSessionResponse>, Error> {
         let mut service = self.client.reconstruction();
-        let opening = service.watch_session(self.request.clone());
+        let opening = service.watch_session(routed(self.request.clone()));
         let response = self.client.in_time(opening, self.failures + 1).await?;
         Ok(self.stream.insert(response.into_inner()))
     }

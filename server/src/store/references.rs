@@ -200,8 +200,8 @@ pub(super) async fn note(connection: &mut Connection, new: &NewErrors) -> Result
              select session_references.session_id, $1, $2, $3 from session_references join sessions using (session_id)
              where session_references.session_id = $4 and created_us = $5
                  and sha256 = $6 and format = $7 and metres_per_unit = $8
-             on conflict (session_id, seq) do update set
-                 algorithm_version = excluded.algorithm_version, surface_distance_m = excluded.surface_distance_m",
+             on conflict (session_id, seq, algorithm_version)
+                 do update set surface_distance_m = excluded.surface_distance_m",
         )
         .bind(seq)
         .bind(*algorithm_version)

@@ -20,6 +20,9 @@ pub(crate) struct Process {
     log: Arc<Mutex<String>>,
 }
 
+/// The program.
+const UNDER_TEST: &str = env!("CARGO_BIN_EXE_palpate-under-test");
+
 impl Process {
     /// Starts the program on a free port and waits until its log says which.
     pub(crate) async fn serve(database: &Path) -> Self {
@@ -31,18 +34,29 @@ impl Process {
         Self::serve_at("127.0.0.1:0", database, more).await
     }
 
+    /// The same with another program, such as one of another version.
+    pub(crate) async fn serve_of(program: &Path, database: &Path) -> Self {
+        Self::serve_as(program, "127.0.0.1:0", database, "info", |_| {}).await
+    }
+
     /// The same at an address to choose, with more for the program.
     pub(crate) async fn serve_at(listen: &str, database: &Path, more: impl FnOnce(&mut Command)) -> Self {
-        Self::serve_as(listen, database, "info", more).await
+        Self::serve_as(UNDER_TEST.as_ref(), listen, database, "info", more).await
     }
 
     /// The same with this much in its log.
     pub(crate) async fn serve_logging(database: &Path, level: &str, more: impl FnOnce(&mut Command)) -> Self {
-        Self::serve_as("127.0.0.1:0", database, level, more).await
+        Self::serve_as(UNDER_TEST.as_ref(), "127.0.0.1:0", database, level, more).await
     }
 
-    async fn serve_as(listen: &str, database: &Path, level: &str, more: impl FnOnce(&mut Command)) -> Self {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_palpate-under-test"));
+    async fn serve_as(
+        program: &Path,
+        listen: &str,
+        database: &Path,
+        level: &str,
+        more: impl FnOnce(&mut Command),
+    ) -> Self {
+        let mut command = Command::new(program);
         command
             .args(["--log-format", "json", "--log", level, "serve", "--listen", listen, "--database"])
             .arg(database::argument(database).await)

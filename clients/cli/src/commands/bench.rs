@@ -5,15 +5,19 @@ mod load;
 mod plot;
 mod process;
 
+use std::ffi::OsString;
+use std::iter::Sum;
 use std::path::PathBuf;
 use std::time::Duration;
 
 use palpate_client::RetryPolicy;
 use palpate_client::proto::v1::Method;
+use palpate_server::Location;
 
 use self::figures::Figures;
 use self::load::Load;
 use self::process::ServerProcess;
+use super::database::location;
 use super::robot::{attempts, parser};
 use super::server::{CallerArgs, address};
 use crate::failure::{Ended, Failure};
@@ -31,9 +35,23 @@ For instance: palpate bench --sessions 64";
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The server to measure; one of its own, over a temporary database, unless given.
+    /// The server to measure, or several over one log; one of its own, over a temporary file, unless given.
     #[arg(long = "server", value_name = "URL", value_parser = address, help_heading = "Server")]
-    url: Option<String>,
+    urls: Vec<String>,
+
+    /// Servers of its own over this database of PostgreSQL, such as postgres://palpate@127.0.0.1/bench, in which the
+    /// sessions stay.
+    #[arg(long, value_name = "ADDRESS", conflicts_with = "urls", help_heading = "Server")]
+    database: Option<OsString>,
+
+    /// How many servers of its own share the database.
+    #[arg(long, value_name = "N", default_value_t = 1, requires = "database", help_heading = "Server")]
+    #[arg(value_parser = clap::value_parser!(u32).range(1..=64))]
+    servers: u32,
+
+    /// Each robot calls another one of several servers each time, instead of always the same.
+    #[arg(long, help_heading = "Server")]
+    hop: bool,
 
     #[command(flatten)]
     caller: CallerArgs,
@@ -87,39 +105,61 @@ pub(crate) async fn run(args: Args) -> Result<(), Failure> {
 }
 
 async fn measure(args: &Args) -> Result<Figures, Failure> {
-    let own = match &args.url {
-        None => Some(ServerProcess::start().await?),
-        Some(_) => None,
-    };
-    let url = args.url.as_deref().or(own.as_ref().map(|own| own.url.as_str())).unwrap_or_default();
+    if let Some(address) = &args.database
+        && let Location::File(file) = location(address)?
+    {
+        return Err(format!("--database {}: is no address of PostgreSQL", file.display()).into());
+    }
+    let mut own = Vec::new();
+    while args.urls.is_empty() && own.len() < args.servers as usize {
+        own.push(ServerProcess::start(args.database.as_deref()).await?);
+    }
+    let urls: Vec<&str> =
+        args.urls.iter().map(String::as_str).chain(own.iter().map(|own| own.url.as_str())).collect();
     // Refusals are to be seen, so the client does not ask again by itself.
     let once = RetryPolicy { max_attempts: 1, ..RetryPolicy::default() };
-    let client = args
-        .caller
-        .client(url)?
-        .deadline(Duration::from_secs_f64(args.deadline))
-        .retry(once)
-        .connect()
-        .await?;
+    let mut clients = Vec::new();
+    for url in &urls {
+        let builder = args.caller.client(url)?.deadline(Duration::from_secs_f64(args.deadline)).retry(once);
+        clients.push(builder.connect().await?);
+    }
     let load = Load {
         sessions: args.sessions,
         attempts: args.attempts,
         rate: args.rate,
         deadline: Duration::from_secs_f64(args.deadline),
         method: args.method.unwrap_or_default(),
+        is_hopping: args.hop,
     };
     say(format_args!(
-        "{} robots, {} contacts each, at {url}, on {} cores for both sides.",
+        "{} robots, {} contacts each, at {}, on {} cores for both sides.",
         args.sessions,
         args.attempts,
+        urls.join(", "),
         std::thread::available_parallelism().map_or(1, usize::from)
     ))?;
-    let robots = load.begin(&client).await?;
-    let before = own.as_ref().and_then(ServerProcess::cpu);
-    let (answers, elapsed) = load.run(&client, robots).await?;
-    let used = own.as_ref().and_then(ServerProcess::cpu).zip(before).map(|(after, before)| after - before);
-    let memory = own.as_ref().and_then(ServerProcess::peak_memory_bytes);
-    Ok(Figures { answers, elapsed, rate: args.rate, cpu: used, memory_bytes: memory })
+    let robots = load.begin(&clients).await?;
+    // Whose time is whose can be told on this machine alone.
+    let servers = || all(own.iter().map(ServerProcess::cpu));
+    let database = || args.database.as_ref().and_then(|_| process::cpu_of_all("postgres"));
+    let before = (servers(), database());
+    let (answers, elapsed) = load.run(&clients, robots).await?;
+    let used = |after: Option<Duration>, before| {
+        after.zip(before).map(|(after, before)| after.saturating_sub(before))
+    };
+    Ok(Figures {
+        answers,
+        elapsed,
+        rate: args.rate,
+        cpu: used(servers(), before.0),
+        database_cpu: used(database(), before.1),
+        memory_bytes: all(own.iter().map(ServerProcess::peak_memory_bytes)),
+    })
+}
+
+/// The sum of what is known of each; nothing where there are none, or something is not known.
+fn all<T: Sum>(each: impl ExactSizeIterator<Item = Option<T>>) -> Option<T> {
+    if each.len() == 0 { None } else { each.sum() }
 }
 
 fn positive(text: &str) -> Result<f64, String> {

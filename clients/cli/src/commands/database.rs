@@ -20,7 +20,7 @@ pub(crate) struct DatabaseArgs {
     database: OsString,
 
     /// A file that holds the address, so that its password is seen neither in a list of processes nor in the
-    /// environment.
+    /// environment. It goes before --database.
     #[arg(long, env = "PALPATE_DATABASE_FILE", value_name = "FILE", global = true)]
     database_file: Option<PathBuf>,
 }

@@ -33,7 +33,7 @@ export class ComparePage implements Page {
   /** Whether the address says where the camera is. */
   #hasCamera: boolean;
 
-  constructor(ids: string[]) {
+  constructor(private readonly ids: string[]) {
     const camera = readPlace().camera;
     this.#hasCamera = camera !== undefined;
     this.#sides = ids.slice(0, MOST_COMPARED).map((id) => {
@@ -72,7 +72,7 @@ export class ComparePage implements Page {
     for (const { viewer } of this.#sides) if (viewer !== from.viewer) viewer.camera = from.viewer.camera;
     this.#isLinking = false;
     clearTimeout(this.#noteDue);
-    this.#noteDue = window.setTimeout(() => note({ page: "compare", ids: this.#sides.map(({ live }) => live.id), camera: from.viewer.camera }), 300);
+    this.#noteDue = window.setTimeout(() => note({ page: "compare", ids: this.ids, camera: from.viewer.camera }), 300);
   }
 
   async #changed(side: Side): Promise<void> {

@@ -40,6 +40,21 @@ class Call(Generic[T]):
     request: Message
     reply: type[Message]
     read: Callable[[Any], T]
+    #: The newest revision of its session that is known here: no server answers from an earlier one.
+    seen: int = 0
+
+    def metadata(self) -> tuple[tuple[str, str], ...]:
+        """What is sent along: the session, by which a proxy before several servers chooses one, and what was seen of it."""
+        request: Any = self.request
+        session_id = request.session.session_id if isinstance(request, v1.UpdateSessionRequest) else ""
+        session_id = session_id or getattr(request, "session_id", "")
+        named = (("x-session-id", session_id),) if is_header(session_id) else ()
+        return (*named, ("x-min-revision", str(self.seen))) if self.seen else named
+
+
+def is_header(text: str) -> bool:
+    """Whether it can be sent as a header; no session has another id, which the server says better."""
+    return bool(text) and text.isascii() and text.isprintable()
 
 
 def _call(service: str, method: str, request: Message, reply: type[Message], read: Callable[[Any], T]) -> Call[T]:

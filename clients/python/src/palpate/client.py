@@ -223,7 +223,7 @@ class Client:
             request_serializer=type(call.request).SerializeToString,
             response_deserializer=call.reply.FromString,
         )
-        replies = method(call.request, metadata=self._access.metadata)
+        replies = method(call.request, metadata=(*self._access.metadata, *call.metadata()))
         try:
             for reply in replies:
                 yield call.read(reply)
@@ -241,7 +241,7 @@ class Client:
                 request_serializer=type(call.request).SerializeToString,
                 response_deserializer=call.reply.FromString,
             )
-            return method(call.request, timeout=left, metadata=self._access.metadata)
+            return method(call.request, timeout=left, metadata=(*self._access.metadata, *call.metadata()))
 
         return call.read(self._again(attempt, timeout))
 

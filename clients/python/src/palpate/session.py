@@ -5,9 +5,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy.typing as npt
 
@@ -24,6 +25,8 @@ from palpate.streams import Saving, Update, Watching, archive_format
 
 if TYPE_CHECKING:
     from palpate.client import Client
+
+T = TypeVar("T")
 
 
 class Session(SessionView):
@@ -107,7 +110,7 @@ class Session(SessionView):
         return self._add_view(prior, propose, request_id)
 
     def _add_view(self, prior: v1.VisualPrior, propose: int, request_id: str | None) -> ViewAccepted:
-        self._info, accepted = self._client.run(calls.add_visual_prior(self._info, prior, propose, request_id))
+        self._info, accepted = self._run(calls.add_visual_prior(self._info, prior, propose, request_id))
         issue(accepted.warnings)
         return accepted
 
@@ -130,7 +133,7 @@ class Session(SessionView):
             lease_s: keep the places from other robots for so many seconds; needs `robot_id`.
         """
         robot = calls.robot_context(robot_id, tool_pose, keep_out)
-        proposal = self._client.run(calls.propose_contacts(self._info, k, robot, lease_s))
+        proposal = self._run(calls.propose_contacts(self._info, k, robot, lease_s))
         issue(proposal.warnings)
         return proposal
 
@@ -168,7 +171,7 @@ class Session(SessionView):
         """
         result = outcomes.result(candidate, outcome, robot_id, observe_time)
         robot = calls.robot_context(robot_id, None, ())
-        self._info, accepted = self._client.run(
+        self._info, accepted = self._run(
             calls.report_contact(self._info, result, propose, robot, request_id)
         )
         issue(accepted.warnings)
@@ -248,13 +251,13 @@ class Session(SessionView):
             seq: number of the event, as in `ContactAccepted.seq`.
             reason: why.
         """
-        self._info = self._client.run(calls.retract_event(self.id, seq, reason, request_id))
+        self._info = self._run(calls.retract_event(self.id, seq, reason, request_id))
 
     # What it has become.
 
     def refresh(self) -> Session:
         """Reads the session again, which others may have changed."""
-        self._info = self._client.run(calls.get_session(self.id))
+        self._info = self._run(calls.get_session(self.id))
         return self
 
     def mesh(self, revision: int | None = None) -> Mesh:
@@ -263,7 +266,7 @@ class Session(SessionView):
         Raises:
             Refused: NO_VISUAL_PRIOR where there is none yet, FIELD_INVALID for a revision that is not there.
         """
-        return self._client.run(calls.get_mesh(self.id, revision or 0))
+        return self._run(calls.get_mesh(self.id, revision or 0))
 
     def save_mesh(self, path: str | Path, revision: int | None = None, *, colormap: str | None = None) -> None:
         """Writes the estimated surface as a file: PLY, OBJ, STL or GLB, by the name's suffix.
@@ -275,7 +278,7 @@ class Session(SessionView):
         format = SUFFIXES.get(where.suffix.lower())
         if format is None:
             raise ValueError(f"path is {where.name}: a mesh is written as {', '.join(SUFFIXES)}")
-        file = self._client.run(calls.get_mesh_file(self.id, revision or 0, format, colormap))
+        file = self._run(calls.get_mesh_file(self.id, revision or 0, format, colormap))
         where.write_bytes(file)
 
     def events(self, *, include_points: bool = False) -> Iterator[v1.Event]:
@@ -286,7 +289,7 @@ class Session(SessionView):
         """
         token = ""
         while True:
-            page = self._client.run(calls.list_events(self.id, token, include_points))
+            page = self._run(calls.list_events(self.id, token, include_points))
             for event in page.events:
                 yield event
             token = page.next_page_token
@@ -301,7 +304,7 @@ class Session(SessionView):
             wait: until the distances from the reference are computed, if the session keeps one.
         """
         while True:
-            series = self._client.run(calls.get_series(self.id, after_revision))
+            series = self._run(calls.get_series(self.id, after_revision))
             if not wait or not series.errors_pending:
                 return series
             time.sleep(0.1)
@@ -344,7 +347,7 @@ class Session(SessionView):
     ) -> list[v1.Evaluation]:
         """As `evaluate`, of up to 64 revisions at once."""
         file = b"" if mesh is None else file_bytes(mesh)
-        return self._client.run(calls.evaluate_session(self.id, revisions, file, metres_per_unit, samples, seed))
+        return self._run(calls.evaluate_session(self.id, revisions, file, metres_per_unit, samples, seed))
 
     def set_reference(self, mesh: Any, metres_per_unit: float = 0.0) -> None:
         """Keeps the true surface with the session, for its series and its experiment; the estimate does not know of it.
@@ -352,7 +355,7 @@ class Session(SessionView):
         Args:
             mesh, metres_per_unit: as in `evaluate`.
         """
-        self._client.run(calls.set_reference(self.id, file_bytes(mesh), metres_per_unit))
+        self._run(calls.set_reference(self.id, file_bytes(mesh), metres_per_unit))
 
     # Its steps, and its end.
 
@@ -367,7 +370,7 @@ class Session(SessionView):
         attempts = Attempts(self._client.timeout)
         while True:
             try:
-                for reply in self._client.stream(watching.call()):
+                for reply in self._client.stream(self._seen(watching.call())):
                     attempts = Attempts(self._client.timeout)
                     if update := watching.read(reply):
                         yield update
@@ -380,7 +383,7 @@ class Session(SessionView):
     ) -> Iterator[Update]:
         """Shows every step again, and with `verify` computes each anew and says whether it is the recorded one."""
         call = calls.replay_session(self.id, from_revision, to_revision, include_mesh, verify)
-        for reply in self._client.stream(call):
+        for reply in self._client.stream(self._seen(call)):
             if update := Update.read(reply):
                 yield update
 
@@ -411,7 +414,7 @@ class Session(SessionView):
         call = calls.fork_session(
             self.id, revision or 0, session_id, display_name, experiment, labels, changed, request_id
         )
-        return Session(self._client, self._client.run(call))
+        return Session(self._client, self._run(call))
 
     def export(self, path: str | Path, format: str | None = None, revision: int | None = None) -> None:
         """Writes the whole session as a file.
@@ -423,7 +426,7 @@ class Session(SessionView):
         """
         call = calls.export_session(self.id, revision or 0, archive_format(Path(path), format))
         with Saving(Path(path)) as saving:
-            for chunk in self._client.stream(call):
+            for chunk in self._client.stream(self._seen(call)):
                 saving.write(chunk)
 
     def update(self, *, display_name: str | None = None, labels: Mapping[str, str] | None = None) -> None:
@@ -432,11 +435,11 @@ class Session(SessionView):
         Raises:
             Refused: ETAG_MISMATCH, when somebody else changed it since this object read it: `refresh`, and decide.
         """
-        self._info = self._client.run(calls.update_session(self.id, self._info.etag, display_name, labels))
+        self._info = self._run(calls.update_session(self.id, self._info.etag, display_name, labels))
 
     def finish(self, note: str = "", *, request_id: str | None = None) -> None:
         """Closes the session: it stays readable, and can be forked."""
-        self._info = self._client.run(calls.finish_session(self.id, note, request_id))
+        self._info = self._run(calls.finish_session(self.id, note, request_id))
 
     def delete(self) -> None:
         """Removes the session with all its events, for good."""
@@ -445,3 +448,10 @@ class Session(SessionView):
         except Refused as error:
             if not is_gone_after_retry(error):
                 raise
+
+    def _run(self, call: calls.Call[T]) -> T:
+        return self._client.run(self._seen(call))
+
+    def _seen(self, call: calls.Call[T]) -> calls.Call[T]:
+        # Behind a proxy the next call may reach a server that has not heard yet what this one was told.
+        return replace(call, seen=self.revision)

@@ -26,9 +26,11 @@ pub(super) struct Figures {
     pub(super) answers: Vec<Answer>,
     pub(super) elapsed: Duration,
     pub(super) rate: Option<f64>,
-    /// How long the server computed, where that is known.
+    /// How long the servers computed, where that is known.
     pub(super) cpu: Option<Duration>,
-    /// The most memory that the server had at once, where that is known.
+    /// How long PostgreSQL computed, where that is known.
+    pub(super) database_cpu: Option<Duration>,
+    /// The most memory that the servers had at once, where that is known.
     pub(super) memory_bytes: Option<u64>,
 }
 
@@ -86,9 +88,10 @@ impl fmt::Display for Figures {
         let [p50, p90, p99] = [0.5, 0.9, 0.99].map(|share| quantile(&waits, share));
         writeln!(f, "wait       {p50:.0} ms median, {p90:.0} ms p90, {p99:.0} ms p99")?;
         write!(f, "refusals   {refusals}, given up {given_up}")?;
-        if let Some(cpu) = self.cpu {
+        for (name, cpu) in [("server    ", self.cpu), ("PostgreSQL", self.database_cpu)] {
+            let Some(cpu) = cpu else { continue };
             let each_ms = 1e3 * cpu.as_secs_f64() / waits.len().max(1) as f64;
-            write!(f, "\nserver     {:.1} s of a core, {each_ms:.1} ms a contact", cpu.as_secs_f64())?;
+            write!(f, "\n{name} {:.1} s of a core, {each_ms:.1} ms a contact", cpu.as_secs_f64())?;
         }
         if let Some(bytes) = self.memory_bytes {
             write!(f, "\n           {:.0} MB of memory at most", bytes as f64 / 1e6)?;
@@ -124,6 +127,7 @@ mod tests {
             elapsed: Duration::from_secs(2),
             rate: Some(1.5),
             cpu: Some(Duration::from_millis(50)),
+            database_cpu: Some(Duration::from_millis(6)),
             memory_bytes: Some(40_000_000),
         };
         let told = figures.to_string();
@@ -132,7 +136,8 @@ mod tests {
             "10 ms median",
             "30 ms p99",
             "refusals   6, given up 1",
-            "25.0 ms a contact",
+            "server     0.1 s of a core, 25.0 ms a contact",
+            "PostgreSQL 0.0 s of a core, 3.0 ms a contact",
             "40 MB",
         ] {
             assert!(told.contains(part), "{part}: {told}");

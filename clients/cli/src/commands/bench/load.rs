@@ -1,6 +1,7 @@
 //! The load: robots that touch at once, by their own pace or by a clock.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressStyle};
@@ -33,6 +34,8 @@ pub(super) struct Load {
     /// How long a robot waits for an answer, refusals included.
     pub(super) deadline: Duration,
     pub(super) method: Method,
+    /// Whether a robot goes to another server with each call; it stays with one otherwise.
+    pub(super) is_hopping: bool,
 }
 
 impl Load {
@@ -40,13 +43,13 @@ impl Load {
     ///
     /// # Errors
     /// The server refuses, or does not answer.
-    pub(super) async fn begin(&self, client: &Client) -> Result<Vec<Robot<'static>>, Failure> {
+    pub(super) async fn begin(&self, clients: &[Client]) -> Result<Vec<Robot<'static>>, Failure> {
         // It is read by all robots until the program ends.
         let body: &'static Body = Box::leak(Box::new(shapes::generate(OBJECT)?));
         let bar = bar(self.sessions.into(), "views")?;
         let mut robots = Vec::new();
         for number in 0..self.sessions {
-            robots.push(self.robot(client, body, number).await?);
+            robots.push(self.robot(&clients[number as usize % clients.len()], body, number).await?);
             bar.inc(1);
         }
         bar.finish_and_clear();
@@ -79,14 +82,15 @@ impl Load {
     /// A robot was answered what no server answers.
     pub(super) async fn run(
         &self,
-        client: &Client,
+        clients: &[Client],
         robots: Vec<Robot<'static>>,
     ) -> Result<(Vec<Answer>, Duration), Failure> {
         let bar = bar(u64::from(self.sessions) * u64::from(self.attempts), "contacts")?;
-        let start = Instant::now();
+        let (clients, start) = (Arc::from(clients), Instant::now());
         let mut exploring = JoinSet::new();
         for (number, robot) in robots.into_iter().enumerate() {
-            let explorer = Explorer { load: *self, client: client.clone(), number, start, bar: bar.clone() };
+            let clients = Arc::clone(&clients);
+            let explorer = Explorer { load: *self, clients, number, start, bar: bar.clone() };
             exploring.spawn(explorer.explore(robot));
         }
         let mut answers = Vec::new();
@@ -108,7 +112,8 @@ impl Load {
 #[derive(Debug)]
 struct Explorer {
     load: Load,
-    client: Client,
+    /// Of all servers.
+    clients: Arc<[Client]>,
     number: usize,
     start: Instant,
     bar: ProgressBar,
@@ -125,7 +130,8 @@ impl Explorer {
             let Some((touched, report)) = robot.touch()? else { break };
             let from = due.unwrap_or_else(Instant::now);
             let request_id = format!("{}-{contact}", report.session_id);
-            let (reply, refusals) = self.report(ReportContactRequest { request_id, ..report }, from).await?;
+            let report = ReportContactRequest { request_id, ..report };
+            let (reply, refusals) = self.report(report, contact, from).await?;
             let waited = from.elapsed();
             self.bar.inc(1);
             let is_answered = reply.is_some();
@@ -146,16 +152,23 @@ impl Explorer {
         Ok(answers)
     }
 
+    /// The server of a call: the robot's own, or the next one each time.
+    fn server(&self, call: u32) -> &Client {
+        let hops = if self.load.is_hopping { call as usize } else { 0 };
+        &self.clients[(self.number + hops) % self.clients.len()]
+    }
+
     /// Reports until it is answered or the deadline has passed, and counts the refusals on the way.
     async fn report(
         &self,
         report: ReportContactRequest,
+        contact: u32,
         from: Instant,
     ) -> Result<(Option<ReportContactResponse>, u32), Failure> {
         let deadline = from + self.load.deadline;
         let mut refusals = 0;
         loop {
-            match timeout_at(deadline, self.client.report_contact(report.clone())).await {
+            match timeout_at(deadline, self.server(contact + refusals).report_contact(report.clone())).await {
                 Ok(Ok(reply)) => return Ok((Some(reply), refusals)),
                 Ok(Err(error)) if error.is_transient() => {
                     refusals += 1;
@@ -195,6 +208,7 @@ mod tests {
             rate: Some(20.0),
             deadline: Duration::from_secs(1),
             method: Method::Unspecified,
+            is_hopping: false,
         };
         let due = |robot, contact| load.due(robot, contact).unwrap().as_millis();
         assert_eq!([due(0, 0), due(1, 0), due(3, 0), due(0, 1), due(3, 9)], [0, 50, 150, 200, 1950]);

@@ -222,7 +222,7 @@ class Client:
             request_serializer=type(call.request).SerializeToString,
             response_deserializer=call.reply.FromString,
         )
-        replies = method(call.request, metadata=self._access.metadata)
+        replies = method(call.request, metadata=(*self._access.metadata, *call.metadata()))
         try:
             async for reply in replies:
                 yield call.read(reply)
@@ -240,7 +240,7 @@ class Client:
                 request_serializer=type(call.request).SerializeToString,
                 response_deserializer=call.reply.FromString,
             )
-            return await method(call.request, timeout=left, metadata=self._access.metadata)
+            return await method(call.request, timeout=left, metadata=(*self._access.metadata, *call.metadata()))
 
         return call.read(await self._again(attempt, timeout))
 
