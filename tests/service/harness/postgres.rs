@@ -64,7 +64,9 @@ impl Installation {
 
     /// A standby of another server, at a port to choose, which is then what the other one waits for.
     pub(crate) async fn follow(&self, primary: &Postgres, port: u16, settings: &[&str]) -> Postgres {
-        let data = self.folder.path().join(format!("{port}-of-{}", primary.port));
+        // Ports come back as the two take turns; folders do not.
+        let number = std::fs::read_dir(self.folder.path()).unwrap().count();
+        let data = self.folder.path().join(format!("{port}-{number}"));
         let from = format!("host=127.0.0.1 port={} user=postgres", primary.port);
         let copy = ["--checkpoint=fast", "--wal-method=stream", "--write-recovery-conf", "-d", &from, "-D"];
         self.run("pg_basebackup", |command| command.args(copy).arg(&data)).await;
