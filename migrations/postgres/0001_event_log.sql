@@ -171,7 +171,9 @@ create table checkpoints (
 
 create index checkpoints_oldest_first on checkpoints (kept_us);
 
-create table shown (
+-- The largest of what is kept, some 50 kB for each contact, and the easiest to compute again: it goes to no standby, and
+-- is empty after a crash of the database.
+create unlogged table shown (
     session_id text collate "C" not null,
     digest bytea not null, -- SHA-256
     bytes bytea not null,

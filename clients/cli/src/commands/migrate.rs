@@ -12,11 +12,13 @@ use crate::terminal::{counted, say, warn};
 
 pub(super) const ABOUT: &str = "\
 Brings all sessions, with their whole history, and all tokens from one database to another: from a file of SQLite to \
-PostgreSQL, back, or between two of the same kind. The source is only read. Each session is written at once, and \
-afterwards all links of the target are followed.
+PostgreSQL, back, or between two of the same kind. Of the source only the tables of an earlier version are changed, \
+which are brought up to date. Each session is written at once, and afterwards all links of the target are followed.
 
 An interrupted command goes on where it was when it is given again, and what was appended to the source since is \
 brought over, too: so a large log is moved while servers run, and the rest of it, in moments, after they are stopped.
+
+Whoever lists processes sees the addresses: leave a password out of them, and into ~/.pgpass or PGPASSWORD.
 
 For instance: palpate migrate --from palpate.db --to postgres://palpate@db.lab/palpate";
 
