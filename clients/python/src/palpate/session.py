@@ -171,9 +171,7 @@ class Session(SessionView):
         """
         result = outcomes.result(candidate, outcome, robot_id, observe_time)
         robot = calls.robot_context(robot_id, None, ())
-        self._info, accepted = self._run(
-            calls.report_contact(self._info, result, propose, robot, request_id)
-        )
+        self._info, accepted = self._run(calls.report_contact(self._info, result, propose, robot, request_id))
         issue(accepted.warnings)
         return accepted
 
