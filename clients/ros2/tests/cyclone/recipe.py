@@ -281,13 +281,19 @@ def main() -> None:
         runpy.run_path(program, run_name="__main__")
         bridge.send_signal(signal.SIGINT)
         assert bridge.wait(10) == 0, "the bridge did not end as it was asked to"
+        check([event["contact_result"] for event in server.results("franka")])
     except BaseException:
         for name in ("bridge.log", "server.log"):
             sys.stderr.write(f"--- {name}\n" + (folder / name).read_text()[-6000:])
         raise
-    results = [event["contact_result"] for event in server.results("franka")]
-    server.kill()
-    arm.stop()
+    finally:
+        arm.stop()
+        bridge.kill()
+        server.kill()
+
+
+def check(results: list[Any]) -> None:
+    """What is in the log is what the arm did."""
     assert len(results) == 9, results
     contacts = [result["contact"] for result in results if "contact" in result]
     assert len(contacts) >= 3, results
