@@ -1,7 +1,7 @@
 """What the package depends on, which differs with where it is built.
 
-In a checkout the server is built with the client, from the same sources; a client that comes from its own source archive
-asks for the server of its version. PALPATE_SERVER=off leaves the server out.
+In a checkout the server is built with the client, from the same sources. PALPATE_SERVER=release asks for the published server
+of the same version instead, for archives and wheels that are given away, and PALPATE_SERVER=off leaves the server out.
 """
 
 from __future__ import annotations
@@ -27,15 +27,13 @@ class Dependencies(MetadataHookInterface):
         metadata["dependencies"] = [*self.config["client"], *self._server(metadata["version"])]
 
     def _server(self, version: str) -> list[str]:
-        match os.environ.get("PALPATE_SERVER", ""):
-            case "off":
-                return []
-            case "":
-                pass
-            case other:
-                raise ValueError(f"PALPATE_SERVER is {other!r}: `off` leaves the server out, and nothing else is known")
+        wish = os.environ.get("PALPATE_SERVER", "")
+        if wish not in ("", "off", "release"):
+            raise ValueError(f"PALPATE_SERVER is {wish!r}: it may be `off`, `release`, or not set")
+        if wish == "off":
+            return []
         sources = Path(self.root).parents[1] / "packaging" / "wheel"
-        if not (sources / "pyproject.toml").is_file():
+        if wish == "release" or not (sources / "pyproject.toml").is_file():
             return [f"palpate-server=={version}"]
         if shutil.which("cargo") is None:
             raise RuntimeError(NO_CARGO)
