@@ -10,25 +10,35 @@ FROM rust:1.95-slim-bookworm AS build
 COPY --from=node /usr/local/bin/node /usr/local/bin/node
 COPY --from=node /usr/local/lib/node_modules /usr/local/lib/node_modules
 RUN ln -s ../lib/node_modules/npm/bin/npm-cli.js /usr/local/bin/npm
+# For what makes the Debian package, which is what is installed below.
+RUN apt-get update && apt-get install -y --no-install-recommends python3-venv xz-utils && rm -rf /var/lib/apt/lists/* \
+    && python3 -m venv /opt/tools && /opt/tools/bin/pip install 'maturin>=1.12,<2' \
+    && cargo install --debug --locked --no-default-features --root /opt/tools cargo-deb@3.8.0
+ENV PATH=/opt/tools/bin:$PATH
 WORKDIR /src
-COPY Cargo.toml Cargo.lock ./
+COPY Cargo.toml Cargo.lock CHANGELOG.md LICENSE ./
 COPY .cargo .cargo
 COPY migrations migrations
 COPY proto proto
 COPY core core
+COPY contrib contrib
+COPY packaging packaging
 COPY clients clients
 COPY tests tests
 COPY server server
 # The caches keep downloads and compiled dependencies between builds; what is shipped is copied out of them.
 RUN --mount=type=cache,target=/usr/local/cargo/registry \
     --mount=type=cache,target=/src/target \
-    cargo build --locked --profile dist --package palpate --bin palpate \
-    && cp target/dist/palpate /usr/local/bin/palpate
+    packaging/build /packages
 
 FROM debian:bookworm-slim
-RUN useradd --uid 10001 --no-create-home --shell /usr/sbin/nologin palpate \
+# The user of the package, with a number that volumes can rely on.
+RUN --mount=type=bind,from=build,source=/packages,target=/packages \
+    apt-get update && apt-get install -y --no-install-recommends adduser \
+    && adduser --system --group --uid 10001 --home /var/lib/palpate --no-create-home palpate \
+    && apt-get install -y --no-install-recommends /packages/palpate_*.deb \
+    && rm -rf /var/lib/apt/lists/* \
     && install --directory --owner palpate --group palpate /data
-COPY --from=build /usr/local/bin/palpate /usr/local/bin/palpate
 USER palpate
 WORKDIR /data
 VOLUME /data

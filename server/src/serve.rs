@@ -137,6 +137,8 @@ pub async fn serve(
     let address: SocketAddr = listener.local_addr()?;
     let allowed_origins = checked_origins(&allowed_origins)?;
     let door = Door::new(address, checked_hosts(&allowed_hosts)?, allowed_origins.clone(), &limits);
+    // The page is made ready while the log is opened.
+    tokio::task::spawn_blocking(palpate_dashboard::router);
     let store = Store::open(&database, palpate_core::reconstruction::version(), &limits).await?;
     let has_client_ca = tls.as_ref().is_some_and(|files| files.client_ca.is_some());
     let tls = tls.map(|files| Tls::start(files, shutdown.clone())).transpose()?;

@@ -2,6 +2,8 @@
 //!
 //! It uses the public API and nothing else, so all that is here is files. What they are is in `src`, in TypeScript.
 
+use std::sync::LazyLock;
+
 use axum::Router;
 use axum::middleware::map_response;
 use axum::response::Response;
@@ -15,8 +17,8 @@ const PAGE_POLICY: HeaderValue = HeaderValue::from_static(
      base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
 );
 
-/// The files of the page, the page itself at `/`; each with an entity tag, compressed for those who take that.
-pub fn router() -> Router {
+/// What [`router`] gives, made once: it takes some time to compress the files for those who take gzip alone.
+static ROUTER: LazyLock<Router> = LazyLock::new(|| {
     memory_serve::load!()
         .index_file(Some("/index.html"))
         .html_cache_control(CacheControl::NoCache)
@@ -27,4 +29,9 @@ pub fn router() -> Router {
             response.headers_mut().insert(CONTENT_SECURITY_POLICY, PAGE_POLICY);
             response
         }))
+});
+
+/// The files of the page, the page itself at `/`; each with an entity tag, compressed for those who take that.
+pub fn router() -> Router {
+    ROUTER.clone()
 }

@@ -452,7 +452,8 @@ def options(arguments: list[str] | None = None) -> argparse.Namespace:
     where.add_argument(
         "--palpate",
         metavar="PROGRAM",
-        help="start this program as a server, with a database to throw away (default: PALPATE_BINARY, or the one in the path)",
+        help="start this program as a server, with a database to throw away "
+        "(default: PALPATE_BINARY, the one that pip installed, or that in the path)",
     )
     parser.add_argument(
         "--attempts", type=int, default=50, help="attempts of each run, failures included (default: 50)"

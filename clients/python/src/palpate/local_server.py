@@ -10,13 +10,14 @@ import tempfile
 import threading
 from collections import deque
 from collections.abc import Sequence
+from importlib import metadata
 from pathlib import Path
 from types import TracebackType
 from typing import IO
 
 HOW_TO_GET_IT = (
-    "build it with `cargo build --release --locked` in a clone of Palpate, and give its path "
-    "(target/release/palpate) as `program`, as PALPATE_BINARY, or put it into the PATH"
+    "`pip install ./packaging/wheel` in a clone of Palpate installs it; or build it with `cargo build --release --locked`, "
+    "and give its path (target/release/palpate) as `program`, as PALPATE_BINARY, or put it into the PATH"
 )
 
 
@@ -84,13 +85,24 @@ class LocalServer:
         return f"<LocalServer {self.url}>"
 
 
+def installed_program() -> str | None:
+    """The program of the package `palpate-server`, which need not be in the PATH; `None` where it is not installed."""
+    try:
+        files = metadata.files("palpate-server") or []
+    except metadata.PackageNotFoundError:
+        return None
+    programs = (Path(str(file.locate())) for file in files if file.name in ("palpate", "palpate.exe"))
+    return next((str(program.resolve()) for program in programs if program.is_file()), None)
+
+
 def local_server(
     program: str | Path | None = None, database: str | Path | None = None, port: int = 0, options: Sequence[str] = ()
 ) -> LocalServer:
     """Starts a server on this machine's loopback.
 
     Args:
-        program: the path of `palpate`; by default PALPATE_BINARY, or the one in the PATH.
+        program: the path of `palpate`; by default PALPATE_BINARY, or the one that the package `palpate-server` installed,
+            or the one in the PATH.
         database: an SQLite file that is kept; by default a temporary one.
         port: by default any free one.
         options: further ones of `palpate serve`.
@@ -99,7 +111,7 @@ def local_server(
         FileNotFoundError: the program is not found; the error says how to get it.
         RuntimeError: the server did not start; the error has its log.
     """
-    wanted = str(program) if program else os.environ.get("PALPATE_BINARY", "palpate")
+    wanted = str(program) if program else os.environ.get("PALPATE_BINARY") or installed_program() or "palpate"
     found = shutil.which(wanted)
     if found is None:
         raise FileNotFoundError(f"the program {wanted} is not there: {HOW_TO_GET_IT}")
