@@ -1,4 +1,4 @@
-//! Writes the seeds that are made of real encodings: `cargo run --example seeds`, in this folder.
+//! Writes the seeds that are made of real encodings: `cargo run --locked -p palpate-fuzz --example seeds`.
 //!
 //! Beside them lie inputs that were found: those of `contact_steps`, and whatever once failed.
 
