@@ -88,6 +88,16 @@ async fn the_document_says_where_the_server_is_and_people_can_read_it() {
     assert_eq!(document["servers"][0]["url"], "/");
     let page = send(server.http().get("/docs/")).await.text().await.unwrap();
     assert!(page.contains("<title>Palpate</title>"), "{page}");
+    // All that the page asks for is there; what it never asks for takes no room in the program.
+    let file =
+        async |name: &str| send(server.http().get(&format!("/docs/{name}"))).await.bytes().await.unwrap();
+    let asked = ["src=\"", "href=\""].into_iter().flat_map(|attribute| page.split(attribute).skip(1));
+    let asked: Vec<&str> = asked.filter_map(|rest| rest.split('"').next()).collect();
+    assert!(asked.len() >= 5, "{page}");
+    for name in asked {
+        assert!(!file(name.trim_start_matches("./")).await.is_empty(), "{name}");
+    }
+    assert!(file("swagger-ui-es-bundle.js").await.is_empty());
 }
 
 #[tokio::test]

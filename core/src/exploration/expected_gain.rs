@@ -119,7 +119,9 @@ mod tests {
     use crate::evidence::ledger::Ledger;
     use crate::geometry::{Icosphere, Point, SurfacePoint};
     use crate::local::VertexProcess;
-    use crate::local::process::{Displacement, Observation, Prior};
+    use crate::local::observation::Observation;
+    use crate::local::prior::Prior;
+    use crate::local::process::Displacement;
     use crate::symmetry::{Symmetry, SymmetryFrame};
     use nalgebra::Rotation3;
 

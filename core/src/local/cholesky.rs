@@ -6,6 +6,11 @@ use faer::linalg::cholesky::llt::factor::{LltRegularization, cholesky_in_place, 
 use faer::linalg::triangular_solve::{solve_lower_triangular_in_place, solve_upper_triangular_in_place};
 use faer::{Mat, MatMut, Par, Spec};
 
+/// Where a matrix is no longer positive definite once it is rounded, this share of its largest variance is added, then ten
+/// times as much, so many times.
+const FIRST_ADDED: f64 = 1e-9;
+const ADDITIONS: usize = 14;
+
 /// `L` of `L Lᵀ`. Only what lies on the diagonal and below is read, and what lies above becomes zero. Nothing where the
 /// matrix is not positive definite.
 pub(super) fn factor(mut system: Mat<f64>) -> Option<Mat<f64>> {
@@ -17,6 +22,29 @@ pub(super) fn factor(mut system: Mat<f64>) -> Option<Mat<f64>> {
     cholesky_in_place(system.as_mut(), regularization, Par::Seq, stack, Spec::default()).ok()?;
     (1..count).for_each(|column| system.col_as_slice_mut(column)[..column].fill(0.0));
     Some(system)
+}
+
+/// The Cholesky factor of a kernel matrix with noise. It is positive definite but for rounding, against which more
+/// and more is added to its diagonal; nothing where its entries are no numbers.
+pub(super) fn factor_mended(system: impl Fn() -> Mat<f64>) -> Option<Mat<f64>> {
+    if let Some(factor) = factor(system()) {
+        return Some(factor);
+    }
+    let system = system();
+    let diagonal = || system.diagonal().column_vector();
+    let largest = diagonal().iter().fold(0.0, |most, entry| f64::max(most, *entry));
+    let mut added = 0.0;
+    let mut more = FIRST_ADDED * largest.max(f64::MIN_POSITIVE);
+    for _ in 0..ADDITIONS {
+        added += more;
+        let mut raised = system.clone();
+        (0..system.nrows()).for_each(|at| raised[(at, at)] += added);
+        if let Some(factor) = factor(raised) {
+            return Some(factor);
+        }
+        more *= 10.0;
+    }
+    None
 }
 
 /// The solution of `L Lᵀ x = b`, in the place of `b`.
@@ -47,5 +75,13 @@ mod tests {
         }
         assert!(factor(Mat::from_fn(2, 2, |_, _| f64::NAN)).is_none());
         assert!(factor(Mat::from_fn(2, 2, |row, column| if row == column { 1.0 } else { 2.0 })).is_none());
+    }
+
+    #[test]
+    fn a_matrix_that_rounding_has_spoilt_is_mended_by_its_diagonal() {
+        // Its eigenvalues are 2 and -1e-7.
+        let spoilt = Mat::from_fn(2, 2, |row, column| if row == column { 1.0 } else { 1.0 + 1e-7 });
+        assert!(factor(spoilt.clone()).is_none() && factor_mended(|| spoilt.clone()).is_some());
+        assert!(factor_mended(|| Mat::from_fn(2, 2, |_, _| f64::NAN)).is_none());
     }
 }

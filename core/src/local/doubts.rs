@@ -12,7 +12,8 @@
 
 use super::hyperparameters::{First, Problem, nominal_m};
 use super::noise::Noise;
-use super::process::{Displacement, Observation};
+use super::observation::Observation;
+use super::process::Displacement;
 use crate::evidence::DOUBTED;
 use crate::evidence::attractor::{Attractor, Sense};
 

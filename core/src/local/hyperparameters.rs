@@ -9,7 +9,10 @@ use nalgebra::Rotation3;
 use serde::{Deserialize, Serialize};
 
 use super::noise::Noise;
-use super::process::{Displacement, Observation, Prepared, Prior};
+use super::observation::Observation;
+use super::prepared::Prepared;
+use super::prior::Prior;
+use super::process::Displacement;
 use crate::config::{DeclaredSymmetry, Stages};
 use crate::evidence::attractor::{Attractor, Provenance, Sense};
 use crate::fingerprint::Fingerprint;

@@ -4,211 +4,23 @@
 //! sides of a thin plate do not pull each other. Far from all evidence the displacement returns to
 //! zero, the template itself: nothing is extrapolated without bound, as a thin plate does.
 
+mod prediction;
+
 use std::sync::Arc;
 
 use faer::linalg::matmul::matmul;
 use faer::linalg::triangular_inverse::invert_lower_triangular;
 use faer::linalg::triangular_solve::{solve_lower_triangular_in_place, solve_upper_triangular_in_place};
-use faer::{Accum, Mat, Par, Scale};
-
+use faer::{Accum, Mat, Par};
 use nalgebra::{DMatrix, DVector, Matrix3};
 
 use super::cholesky;
-use super::kernel::Known;
+use super::observation::Observation;
+use super::prepared::Prepared;
+use super::prior::{Places, Prior};
 use crate::evidence::RigidOffset;
 use crate::evidence::attractor::Rigid;
 use crate::geometry::{SurfacePoint, Vector};
-use crate::symmetry::{Symmetry, SymmetryFrame};
-use crate::vectorised::widest;
-
-/// Share of the prior variance common to symmetric points.
-const SYMMETRIC_SHARE: f64 = 0.9;
-/// This share of the prior's variance is added to that of every measurement: the system stays
-/// regular, whatever its kernels are rounded to.
-const JITTER: f64 = 1e-5;
-/// Points that are predicted at a time, and rows of the inverse factor that are applied to them at a time: the
-/// covariances of a block stay in the cache.
-const BLOCK: usize = 256;
-const PANEL: usize = 48;
-/// Where that does not do, this share of the largest variance is added, then ten times as much, so many times.
-const FIRST_ADDED: f64 = 1e-9;
-const ADDITIONS: usize = 14;
-
-/// A measured displacement of the template.
-#[derive(Clone, Copy, Debug)]
-pub struct Observation {
-    /// Where on the template.
-    pub at: SurfacePoint,
-    /// The height of the surface over the template there, in metres.
-    pub height_m: f64,
-    /// Standard deviation of the measurement, in metres.
-    pub noise_m: f64,
-    /// The rigid offsets that it shares with others: measured where a group of points is moved by `b` and turned
-    /// by `w`, a height is less by `n · (b + w × r)`, `r` being the point's lever.
-    pub rigid: [Option<Rigid>; 2],
-}
-
-impl Observation {
-    /// A measurement with an error of its own only.
-    pub fn new(at: SurfacePoint, height_m: f64, noise_m: f64) -> Self {
-        Self { at, height_m, noise_m, rigid: [None; 2] }
-    }
-
-    /// Covariance of two measurements by the rigid offsets that they share, in square metres.
-    fn shared_variance(&self, other: &Self) -> f64 {
-        let (n, m) = (&self.at.normal, &other.at.normal);
-        let shared = |(a, b): (&Option<Rigid>, &Option<Rigid>)| match (a, b) {
-            (Some(a), Some(b)) if a.group == b.group => {
-                a.std_m * b.std_m * n.dot(m) + a.turn_std * b.turn_std * a.turned(n).dot(&b.turned(m))
-            }
-            _ => 0.0,
-        };
-        self.rigid.iter().zip(&other.rigid).map(shared).sum()
-    }
-}
-
-/// What is expected of a displacement before any measurement.
-#[derive(Clone, Copy, Debug)]
-pub struct Prior {
-    /// Correlation length, in metres.
-    pub length_m: f64,
-    /// Amplitude: the standard deviation of a displacement, in metres.
-    pub amplitude_m: f64,
-    /// The symmetry, if any.
-    pub frame: SymmetryFrame,
-}
-
-impl Prior {
-    /// The shares of the variance that are a point's own and that are common to symmetric points.
-    fn shares(&self) -> (f64, f64) {
-        let share = if self.frame.symmetry == Symmetry::None { 0.0 } else { SYMMETRIC_SHARE };
-        (1.0 - share, share)
-    }
-
-    /// The same as variances, in square metres.
-    fn variances(&self) -> (f64, f64) {
-        let (own, shared) = self.shares();
-        (own * self.amplitude_m.powi(2), shared * self.amplitude_m.powi(2))
-    }
-
-    /// What is added to the variance of every measurement, in square metres.
-    pub(super) fn jitter(&self) -> f64 {
-        JITTER * self.amplitude_m.powi(2)
-    }
-}
-
-/// Points with their representatives, prepared for covariances with others.
-#[derive(Debug)]
-struct Places {
-    points: Known,
-    representatives: Known,
-}
-
-impl Places {
-    fn new(prior: &Prior, points: &[SurfacePoint]) -> Self {
-        let representatives = prior.frame.representatives(points);
-        Self { points: Known::new(points), representatives: Known::new(&representatives) }
-    }
-
-    /// Covariances of displacements at these points (rows) and at others (columns), in square metres.
-    fn covariance(&self, prior: &Prior, rows: usize, columns: &[SurfacePoint]) -> Mat<f32> {
-        let (own, shared) = prior.variances();
-        let mut covariance = Mat::zeros(rows, columns.len());
-        self.points.add_covariances(&mut covariance, columns, prior.length_m, own);
-        if shared > 0.0 {
-            let columns = prior.frame.representatives(columns);
-            self.representatives.add_covariances(&mut covariance, &columns, prior.length_m, shared);
-        }
-        covariance
-    }
-}
-
-/// A process for some measurements before they are weighed: what depends neither on its amplitude nor on their noise
-/// is computed once, and it is conditioned with many of both.
-#[derive(Clone, Debug)]
-pub struct Prepared {
-    prior: Prior,
-    points: Arc<Vec<SurfacePoint>>,
-    places: Arc<Places>,
-    /// Correlations of the points themselves, whatever the symmetry.
-    plain: Arc<Mat<f32>>,
-    /// Correlations with the share of the symmetry.
-    correlation: Arc<Mat<f32>>,
-    /// Covariances by rigid offsets, below the diagonal and on it, in square metres.
-    rigid: Arc<Mat<f64>>,
-}
-
-impl Prepared {
-    /// Prepares the points of some measurements; the prior's amplitude does not matter.
-    pub fn new(prior: Prior, observations: &[Observation]) -> Self {
-        let points: Vec<SurfacePoint> = observations.iter().map(|o| o.at).collect();
-        let count = points.len();
-        let mut plain = Mat::zeros(count, count);
-        Known::new(&points).add_covariances(&mut plain, &points, prior.length_m, 1.0);
-        let mut rigid = Mat::zeros(count, count);
-        for (column, other) in observations.iter().enumerate().filter(|(_, o)| o.rigid != [None; 2]) {
-            for row in column..count {
-                rigid[(row, column)] = observations[row].shared_variance(other);
-            }
-        }
-        Self::symmetric(prior, Arc::new(points), Arc::new(plain), Arc::new(rigid))
-    }
-
-    /// The same under another symmetry.
-    pub fn with_symmetry(&self, frame: SymmetryFrame) -> Self {
-        let Self { prior, points, plain, rigid, .. } = self;
-        let prior = Prior { frame, ..*prior };
-        Self::symmetric(prior, Arc::clone(points), Arc::clone(plain), Arc::clone(rigid))
-    }
-
-    fn symmetric(
-        prior: Prior,
-        points: Arc<Vec<SurfacePoint>>,
-        plain: Arc<Mat<f32>>,
-        rigid: Arc<Mat<f64>>,
-    ) -> Self {
-        let places = Arc::new(Places::new(&prior, &points));
-        let (own, shared) = prior.shares();
-        let correlation = if shared > 0.0 {
-            let representatives = prior.frame.representatives(&points);
-            let mut correlation = plain.as_ref() * Scale(own as f32);
-            places.representatives.add_covariances(
-                &mut correlation,
-                &representatives,
-                prior.length_m,
-                shared,
-            );
-            Arc::new(correlation)
-        } else {
-            Arc::clone(&plain)
-        };
-        Self { prior, points, places, plain, correlation, rigid }
-    }
-
-    /// Conditions the process with an amplitude, in metres, on the measurements with the noise that they have now.
-    pub fn given(&self, amplitude_m: f64, observations: &[Observation]) -> Displacement {
-        let (prior, places) = (Prior { amplitude_m, ..self.prior }, Arc::clone(&self.places));
-        let count = observations.len();
-        let variance = amplitude_m * amplitude_m;
-        let system = || {
-            let mut system = Mat::zeros(count, count);
-            for column in 0..count {
-                let below =
-                    (self.correlation.col_as_slice(column).iter().zip(self.rigid.col_as_slice(column)))
-                        .zip(system.col_as_slice_mut(column));
-                for ((correlation, rigid), entry) in below.skip(column) {
-                    *entry = variance * f64::from(*correlation) + rigid;
-                }
-                system[(column, column)] += observations[column].noise_m.powi(2) + prior.jitter();
-            }
-            system
-        };
-        match factorised(system) {
-            Some(factor) => Displacement::of_factor(prior, places, factor, observations),
-            None => Displacement::unconditioned(prior, places, count),
-        }
-    }
-}
 
 /// The displacement given all measurements.
 #[derive(Clone, Debug)]
@@ -251,7 +63,12 @@ impl Displacement {
         Self::of_factor(self.prior, Arc::new(places), factor, observations)
     }
 
-    fn of_factor(prior: Prior, places: Arc<Places>, factor: Mat<f64>, observations: &[Observation]) -> Self {
+    pub(super) fn of_factor(
+        prior: Prior,
+        places: Arc<Places>,
+        factor: Mat<f64>,
+        observations: &[Observation],
+    ) -> Self {
         let mut solution = Mat::from_fn(observations.len(), 1, |row, _| observations[row].height_m);
         solve_lower_triangular_in_place(factor.as_ref(), solution.as_mut(), Par::Seq);
         let squared_size = solution.col(0).squared_norm_l2();
@@ -265,7 +82,7 @@ impl Displacement {
 
     /// The process that its measurements say nothing about, as they are no numbers that can be computed with: the
     /// template stays what it is, and nothing is less likely.
-    fn unconditioned(prior: Prior, places: Arc<Places>, count: usize) -> Self {
+    pub(super) fn unconditioned(prior: Prior, places: Arc<Places>, count: usize) -> Self {
         let factor = Arc::new(Mat::identity(count, count));
         Self { prior, places, weights: vec![0.0; count], factor, squared_size: f64::INFINITY }
     }
@@ -382,111 +199,6 @@ impl Displacement {
     fn noise_variance(&self, observation: &Observation) -> f64 {
         observation.noise_m.powi(2) + self.prior.jitter()
     }
-
-    /// The expected displacements at some points, in metres.
-    pub fn means_m(&self, points: &[SurfacePoint]) -> Vec<f64> {
-        points.chunks(BLOCK).flat_map(|points| self.weighted(&self.cross(points))).collect()
-    }
-
-    /// Expected displacements at many points, and their standard deviations at the first `deviating` of them,
-    /// in metres.
-    pub fn predict(&self, points: &[SurfacePoint], deviating: usize) -> (Vec<f64>, Vec<f64>) {
-        let (own, shared) = self.prior.variances();
-        let explaining = self.explaining();
-        let (mut means, mut deviations) = (Vec::new(), Vec::new());
-        let (deviating, others) = points.split_at(deviating.min(points.len()));
-        for points in deviating.chunks(BLOCK) {
-            let cross = self.cross(points);
-            means.extend(self.weighted(&cross));
-            let explained = explain(&explaining, &cross);
-            let left = |column: usize| own + shared - f64::from(explained.col(column).squared_norm_l2());
-            deviations.extend((0..points.len()).map(|column| left(column).max(0.0).sqrt()));
-        }
-        means.extend(self.means_m(others));
-        (means, deviations)
-    }
-
-    /// Covariances that are left between the displacements at some points (rows) and at others
-    /// (columns), in square metres: what a touch at one point says about another.
-    pub fn covariance(&self, rows: &[SurfacePoint], columns: &[SurfacePoint]) -> Mat<f32> {
-        let before = Places::new(&self.prior, rows).covariance(&self.prior, rows.len(), columns);
-        let explaining = self.explaining();
-        let explained = |points: &[SurfacePoint]| explain(&explaining, &self.cross(points));
-        before - explained(rows).transpose() * explained(columns)
-    }
-
-    /// Covariances of the measurements (rows) with the displacements at some points (columns).
-    fn cross(&self, points: &[SurfacePoint]) -> Mat<f32> {
-        self.places.covariance(&self.prior, self.weights.len(), points)
-    }
-
-    fn weighted(&self, cross: &Mat<f32>) -> Vec<f64> {
-        (0..cross.ncols()).map(|column| weighted_sum(cross.col_as_slice(column), &self.weights)).collect()
-    }
-
-    /// `L⁻¹` in single precision: by products with it, which are faster than solutions, [`explain`] finds what
-    /// the measurements say.
-    fn explaining(&self) -> Mat<f32> {
-        let inverse = self.inverse_factor(0);
-        Mat::from_fn(inverse.nrows(), inverse.ncols(), |row, column| inverse[(row, column)] as f32)
-    }
-}
-
-/// The sum of products, many at a time.
-fn weighted_sum(numbers: &[f32], weights: &[f64]) -> f64 {
-    const LANES: usize = 16;
-    widest(
-        #[inline(always)]
-        || {
-            let mut sums = [0.0_f64; LANES];
-            let (numbers, weights) = (numbers.chunks_exact(LANES), weights.chunks_exact(LANES));
-            let rest = numbers.remainder().iter().zip(weights.remainder());
-            let rest: f64 = rest.map(|(k, w)| f64::from(*k) * w).sum();
-            for (numbers, weights) in numbers.zip(weights) {
-                for lane in 0..LANES {
-                    sums[lane] = f64::from(numbers[lane]).mul_add(weights[lane], sums[lane]);
-                }
-            }
-            sums.iter().sum::<f64>() + rest
-        },
-    )
-}
-
-/// `L⁻¹ C`: columns whose squared length is the variance that the measurements explain.
-fn explain(inverse: &Mat<f32>, cross: &Mat<f32>) -> Mat<f32> {
-    let (count, points) = (cross.nrows(), cross.ncols());
-    let mut explained = Mat::zeros(count, points);
-    for from in (0..count).step_by(PANEL) {
-        // Right of its diagonal the inverse is zero.
-        let (rows, to) = (PANEL.min(count - from), (from + PANEL).min(count));
-        let panel = explained.as_mut().submatrix_mut(from, 0, rows, points);
-        let (inverse, cross) = (inverse.submatrix(from, 0, rows, to), cross.submatrix(0, 0, to, points));
-        matmul(panel, Accum::Replace, inverse, cross, 1.0, Par::Seq);
-    }
-    explained
-}
-
-/// The Cholesky factor of a kernel matrix with noise. It is positive definite but for rounding, against which more
-/// and more is added to its diagonal; nothing where its entries are no numbers.
-fn factorised(system: impl Fn() -> Mat<f64>) -> Option<Mat<f64>> {
-    if let Some(factor) = cholesky::factor(system()) {
-        return Some(factor);
-    }
-    let system = system();
-    let diagonal = || system.diagonal().column_vector();
-    let largest = diagonal().iter().fold(0.0, |most, entry| f64::max(most, *entry));
-    let mut added = 0.0;
-    let mut more = FIRST_ADDED * largest.max(f64::MIN_POSITIVE);
-    for _ in 0..ADDITIONS {
-        added += more;
-        let mut raised = system.clone();
-        (0..system.nrows()).for_each(|at| raised[(at, at)] += added);
-        if let Some(factor) = cholesky::factor(raised) {
-            return Some(factor);
-        }
-        more *= 10.0;
-    }
-    None
 }
 
 #[cfg(test)]
@@ -494,6 +206,7 @@ mod tests {
     use super::*;
     use crate::evidence::attractor::Group;
     use crate::geometry::{Direction, Icosphere, Point};
+    use crate::symmetry::{Symmetry, SymmetryFrame};
     use nalgebra::Rotation3;
 
     fn prior(symmetry: Symmetry) -> Prior {
@@ -540,14 +253,6 @@ mod tests {
                 assert_eq!((mean[0], deviation[0].is_finite()), (0.0, true), "{height_m} {length_m}");
             }
         }
-    }
-
-    #[test]
-    fn a_matrix_that_rounding_has_spoilt_is_mended_by_its_diagonal() {
-        // Its eigenvalues are 2 and -1e-7.
-        let spoilt = Mat::from_fn(2, 2, |row, column| if row == column { 1.0 } else { 1.0 + 1e-7 });
-        assert!(cholesky::factor(spoilt.clone()).is_none() && factorised(|| spoilt.clone()).is_some());
-        assert!(factorised(|| Mat::from_fn(2, 2, |_, _| f64::NAN)).is_none());
     }
 
     #[test]
