@@ -98,3 +98,10 @@ impl Prepared {
         }
     }
 }
+
+impl Displacement {
+    /// Conditions the process on measurements.
+    pub fn fit(prior: Prior, observations: &[Observation]) -> Self {
+        Prepared::new(prior, observations).given(prior.amplitude_m, observations)
+    }
+}

@@ -16,7 +16,6 @@ use nalgebra::{DMatrix, DVector, Matrix3};
 
 use super::cholesky;
 use super::observation::Observation;
-use super::prepared::Prepared;
 use super::prior::{Places, Prior};
 use crate::evidence::RigidOffset;
 use crate::evidence::attractor::Rigid;
@@ -35,11 +34,6 @@ pub struct Displacement {
 }
 
 impl Displacement {
-    /// Conditions the process on measurements.
-    pub fn fit(prior: Prior, observations: &[Observation]) -> Self {
-        Prepared::new(prior, observations).given(prior.amplitude_m, observations)
-    }
-
     /// The process that is also conditioned on further measurements, the last of all that are given; none of them
     /// has an offset that it shares with others. Its factor is this one's with more rows.
     pub fn extended(&self, observations: &[Observation]) -> Self {
@@ -206,6 +200,7 @@ mod tests {
     use super::*;
     use crate::evidence::attractor::Group;
     use crate::geometry::{Direction, Icosphere, Point};
+    use crate::local::prepared::Prepared;
     use crate::symmetry::{Symmetry, SymmetryFrame};
     use nalgebra::Rotation3;
 
