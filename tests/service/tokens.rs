@@ -245,6 +245,10 @@ async fn a_page_of_an_allowed_origin_may_ask_before_it_has_a_token() {
         "https://lab.example",
         "so that it can read why"
     );
+    // Its body is not read, so that a caller is told to send nothing more on that connection.
+    let unread = send(server.anonymous().post("/v1/sessions", &json!({"session_id": "mug"}))).await;
+    assert_eq!((unread.status().as_u16(), header(&unread, "connection")), (401, "close"));
+    assert!(refused.headers().get("connection").is_none(), "nothing was sent beside its head");
     for open in ["/", "/healthz", "/livez", "/readyz", "/openapi.json", "/docs/"] {
         assert_eq!(send(server.anonymous().get(open)).await.status(), 200, "{open}");
     }

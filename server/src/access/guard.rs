@@ -26,6 +26,7 @@ use super::tickets::Tickets;
 use crate::error::Error;
 use crate::limits::Limits;
 use crate::metrics::Metrics;
+use crate::serve::bodies;
 use crate::store::Store;
 use crate::{grpc, http as web, peer};
 
@@ -95,7 +96,7 @@ impl Guard {
                     "a caller is not known"
                 );
                 tokio::time::sleep(wait).await;
-                refusal(&parts.headers, &error)
+                bodies::unread(&parts, refusal(&parts.headers, &error))
             }
         }
     }

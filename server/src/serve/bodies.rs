@@ -12,7 +12,8 @@ use axum::body::{Body, Bytes};
 use axum::extract::Request;
 use axum::middleware::Next;
 use axum::response::Response;
-use http::header::CONNECTION;
+use http::header::{CONNECTION, CONTENT_LENGTH, TRANSFER_ENCODING};
+use http::request::Parts;
 use http::{HeaderValue, Version};
 use hyper::body::{Body as HttpBody, Frame, SizeHint};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
@@ -64,12 +65,7 @@ impl Bodies {
             return response;
         };
         tracing::info!(error = %refusal, "refused");
-        let mut response = render(&refusal);
-        if version < Version::HTTP_2 {
-            // The rest of the body would be in the way of another request.
-            response.headers_mut().insert(CONNECTION, HeaderValue::from_static("close"));
-        }
-        response
+        closing(version, render(&refusal))
     }
 
     fn watched(self, body: Body, kind: Kind, held: Arc<Mutex<Held>>) -> Body {
@@ -82,6 +78,25 @@ impl Bodies {
         let timer = is_whole.then(|| Box::pin(sleep(limit)));
         Body::new(Watched { body, bodies: self, held, limit, timer, framing, is_whole })
     }
+}
+
+/// The answer to a request of which nobody reads the body, if it has one.
+pub(crate) fn unread(request: &Parts, response: Response) -> Response {
+    let headers = &request.headers;
+    let is_sized = headers.get(CONTENT_LENGTH).is_some_and(|length| length != "0");
+    if is_sized || headers.contains_key(TRANSFER_ENCODING) {
+        return closing(request.version, response);
+    }
+    response
+}
+
+/// The answer, after which the connection ends where it carries one request after the other: what is left of a body would
+/// be in the way of the next, which its caller is not to send.
+fn closing(version: Version, mut response: Response) -> Response {
+    if version < Version::HTTP_2 {
+        response.headers_mut().insert(CONNECTION, HeaderValue::from_static("close"));
+    }
+    response
 }
 
 /// What a request holds of the room for all bodies, and why it was refused, if it was.

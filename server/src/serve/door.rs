@@ -15,7 +15,7 @@ use http::uri::Authority;
 use http::{HeaderValue, Method, Version};
 use tower::ServiceExt;
 
-use super::headers;
+use super::{bodies, headers};
 use crate::access::guard;
 use crate::error::Error;
 use crate::limits::Limits;
@@ -73,7 +73,8 @@ impl Door {
             }
             Err(error) => {
                 tracing::info!(method = %parts.method, path = parts.uri.path(), %error, "refused at the door");
-                let mut response = guard::refusal(&parts.headers, &error);
+                let refusal = guard::refusal(&parts.headers, &error);
+                let mut response = bodies::unread(&parts, refusal);
                 headers::guard(response.headers_mut(), false);
                 response
             }
