@@ -1,7 +1,7 @@
 /** Every call that the page makes: HTTP with JSON, and files. All of them go through `ask`. */
 
 import * as access from "../access";
-import type { components } from "./schema.generated";
+import type { components } from "../../generated/schema";
 
 type Schemas = components["schemas"];
 export type Session = Schemas["Session"];
