@@ -79,6 +79,9 @@ pub struct Stages {
     pub superquadrics: bool,
     /// Fresh starts of the template include a slab behind the patch.
     pub slab: bool,
+    /// Fresh starts of the template include shapes that just hold what was measured, and it costs a template to
+    /// reach beyond that.
+    pub extent: bool,
     /// The template may have more than one part.
     pub parts: bool,
     /// A part may be a limb, held on an axis of its host; otherwise all are free.
@@ -118,6 +121,7 @@ impl Default for Stages {
         Self {
             superquadrics: true,
             slab: true,
+            extent: true,
             parts: true,
             limbs: true,
             free_space: true,

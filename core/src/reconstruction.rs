@@ -33,7 +33,7 @@ use crate::uncertainty::Reach;
 use crate::warning::Warning;
 
 /// Changes with every change of the method's results.
-pub const ALGORITHM_VERSION: &str = "11";
+pub const ALGORITHM_VERSION: &str = "12";
 
 /// The version of the method and, after a dash, a tag of this machine's arithmetic: a stored state hash holds where
 /// both are the same, since last bits differ between kinds of processors.

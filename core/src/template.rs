@@ -12,6 +12,7 @@ mod compound;
 mod covariance;
 mod distances;
 pub mod ellipsoid;
+mod extent;
 mod field;
 mod fit_data;
 mod least_squares;

@@ -127,6 +127,7 @@ fn every_other_stage_changes_the_surface_or_its_uncertainty() {
         Stages { free_space: false, ..all },
         Stages { visual_means: false, ..all },
         Stages { noise: false, ..all },
+        Stages { extent: false, ..all },
     ] {
         assert!(surfaces(&log, stages) != with_all, "{stages:?}");
     }
@@ -141,8 +142,9 @@ fn every_other_stage_changes_the_surface_or_its_uncertainty() {
     ] {
         assert!(surfaces(&log, stages) != with_all, "{stages:?}");
     }
-    // What five touches of a plate contradict in its template, an offset of the view may explain as well.
-    let all = Stages { offsets: false, ..all };
+    // What five touches of a plate contradict in its template, an offset of the view may explain as well, and what just
+    // holds them is a plate, too.
+    let all = Stages { offsets: false, extent: false, ..all };
     let log = evidence(&plate(), 5);
     assert!(surfaces(&log, Stages { slab: false, ..all }) != surfaces(&log, all));
 }

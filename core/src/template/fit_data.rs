@@ -25,6 +25,8 @@ pub(super) struct FitData {
     pub(super) surface: Vec<(Vector, f64)>,
     /// The same points, then those outside the object and those inside, in blocks.
     pub(super) blocks: Vec<Block>,
+    /// Whether it costs a template to reach beyond the points of the surface.
+    pub(super) bounded: bool,
 }
 
 impl FitData {
@@ -53,7 +55,7 @@ impl FitData {
     ) -> Self {
         let of_surface = Block::of(Side::Surface, &surface);
         let others = Block::of(Side::Outside, outside).chain(Block::of(Side::Inside, inside));
-        Self { blocks: of_surface.chain(others).collect(), surface, frame }
+        Self { blocks: of_surface.chain(others).collect(), surface, frame, bounded: false }
     }
 
     /// How many touches all points of the surface weigh together.

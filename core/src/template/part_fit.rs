@@ -80,6 +80,9 @@ impl Part {
         }
         equations.add_slopes(&slopes);
         self.add_priors(&mut equations, &data.frame.centre);
+        if data.bounded {
+            self.add_overreach(&mut equations, data);
+        }
         equations
     }
 

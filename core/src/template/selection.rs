@@ -1,9 +1,9 @@
 //! Which template: the selection "in real time" that the paper leaves to the future.
 //!
 //! Every fit goes on from the one before; some ([`Extras`]) also start afresh from an ellipsoid, a
-//! cylinder about each axis, a box and a slab, or try whether another part explains the evidence
-//! better. Parts are counted by the Bayesian information criterion, with some hysteresis, so that
-//! the template does not change with every touch.
+//! cylinder about each axis, a box, a slab and shapes that just hold what was measured, or try
+//! whether another part explains the evidence better. Parts are counted by the Bayesian information
+//! criterion, with some hysteresis, so that the template does not change with every touch.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,6 +11,7 @@ use super::compound::Compound;
 use super::covariance::Covariance;
 use super::distances::Distances;
 use super::ellipsoid::{self, Ellipsoid};
+use super::extent;
 use super::field::{Field, Linearised};
 use super::fit_data::FitData;
 use super::part::{Part, Row};
@@ -120,7 +121,7 @@ pub(crate) fn select(
 ) -> SelectedFit {
     let (attractors, viewpoint) = (&evidence.measured, evidence.viewpoint.as_ref());
     let frame = PatchFrame::of(attractors, viewpoint);
-    let data = FitData::new(attractors, &evidence.free_space, frame);
+    let data = FitData { bounded: stages.extent, ..FitData::new(attractors, &evidence.free_space, frame) };
     let alone = Distances::to(std::iter::empty(), &data);
 
     let (start, steps) = match before {
@@ -137,6 +138,9 @@ pub(crate) fn select(
         let mut starts = vec![ellipsoid.clone()];
         if extras.starts {
             starts.extend(starts::squared(&ellipsoid));
+            if stages.extent && before.is_some() {
+                starts.extend(extent::holding(&data));
+            }
             if stages.slab {
                 starts.push(starts::slab(&ellipsoid, attractors, &frame));
             }

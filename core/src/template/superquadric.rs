@@ -7,8 +7,9 @@ use nalgebra::Rotation3;
 
 use crate::geometry::{Icosphere, Point, TriangleMesh, Vector};
 
-/// Exponents of a cylinder about the third axis, of a box, of a round plate, and of a limb to begin
-/// with: `e1` along the axis, `e2` across it.
+/// Exponents of an ellipsoid, of a cylinder about the third axis, of a box, of a round plate, and of a limb to
+/// begin with: `e1` along the axis, `e2` across it.
+pub(super) const ELLIPSOID: [f64; 2] = [1.0, 1.0];
 pub(super) const CYLINDER: [f64; 2] = [0.2, 1.0];
 pub(super) const BOX: [f64; 2] = [0.2, 0.2];
 pub(super) const SLAB: [f64; 2] = [0.2, 0.6];

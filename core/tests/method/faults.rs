@@ -125,8 +125,9 @@ fn a_motion_that_is_not_to_be_followed_is_told_with_the_advice_to_stop() {
 #[test]
 fn a_motion_that_is_told_takes_all_earlier_evidence_along() {
     let motion = Pose::new(Vector::new(0.03, -0.02, 0.01), Vector::new(0.1, 0.2, -0.4));
-    // An offset of the view is estimated a little better with each fit, and telling of a motion is one more.
-    let stages = Stages { offsets: false, ..Stages::default() };
+    // An offset of the view is estimated a little better with each fit, and telling of a motion is one more; and of two
+    // starts that are nearly as good, the one or the other may have been kept.
+    let stages = Stages { offsets: false, extent: false, ..Stages::default() };
     let settings = || Settings { stages, ..coarse() };
     let mut told = begin(settings());
     (0..15).for_each(|_| told.touch());

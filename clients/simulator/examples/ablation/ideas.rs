@@ -31,6 +31,7 @@ fn all() -> Vec<Choice> {
         row("", "everything", all),
         row("superquadrics", "no superquadrics: one ellipsoid", Stages { superquadrics: false, ..all }),
         row("slab", "no slab to start from", Stages { slab: false, ..all }),
+        row("extent", "no regard to how far the measurements reach", Stages { extent: false, ..all }),
         row("parts", "no parts", Stages { parts: false, ..all }),
         row("limbs", "no limbs: free parts only", Stages { limbs: false, ..all }),
         row("free_space", "no free space", Stages { free_space: false, ..all }),
