@@ -57,16 +57,14 @@ fn around(data: &FitData, [first, second, third]: [Vector; 3], exponents: [f64; 
 impl Part {
     /// Adds what it costs that an end of an axis lies beyond all that was measured.
     pub(super) fn add_overreach(&self, equations: &mut NormalEquations<11>, data: &FitData) {
-        let local = || {
-            data.surface
-                .iter()
-                .map(|(point, _)| self.rotation.inverse_transform_vector(&(self.centre - point)))
-        };
+        let from =
+            |(point, _): &(Vector, f64)| self.rotation.inverse_transform_vector(&(self.centre - point));
+        // The centre, seen from each point.
+        let centres: Vec<Vector> = data.surface.iter().map(from).collect();
         for axis in 0..3 {
             let half = self.log_axes[axis].exp();
             for side in [-1.0, 1.0] {
-                // Seen from the outermost point towards this end.
-                let outermost = local().min_by(|a, b| (side * a[axis]).total_cmp(&(side * b[axis])));
+                let outermost = centres.iter().min_by(|a, b| (side * a[axis]).total_cmp(&(side * b[axis])));
                 let Some(centre) = outermost else { continue };
                 let beyond = side * centre[axis] + half - UNSEEN;
                 if beyond > 0.0 {
@@ -74,7 +72,7 @@ impl Part {
                     let mut row = Row::zeros();
                     row.fixed_rows_mut::<3>(0).copy_from(&(self.rotation * towards));
                     row[3 + axis] = half;
-                    row.fixed_rows_mut::<3>(6).copy_from(&towards.cross(&centre));
+                    row.fixed_rows_mut::<3>(6).copy_from(&towards.cross(centre));
                     equations.add(OVERREACH * beyond, &(row * OVERREACH));
                 }
             }
