@@ -6,7 +6,8 @@ use palpate_proto::v1;
 use palpate_simulator::robot::{Plan, Robot};
 use palpate_simulator::shapes;
 
-use crate::harness::{CENTRE, Server, Transport, creation, prior, question, report, touch, without_timing};
+use crate::harness::ball::CENTRE;
+use crate::harness::{Server, Transport, creation, prior, question, report, touch, without_timing};
 
 fn creation_with(name: &str, config: v1::SessionConfig) -> v1::CreateSessionRequest {
     v1::CreateSessionRequest { config: Some(config), ..creation(name) }
