@@ -162,8 +162,11 @@ test("a session is created, gets a view from a file, is forked, corrected, finis
   await dialog.getByRole("button", { name: "Finish" }).click();
   await until("it is finished", async () => (await server.ask("/v1/sessions/by-hand-2")).state === "SESSION_STATE_FINISHED");
   await page.locator("summary", { hasText: "Download" }).click();
-  const downloads = await page.locator(".actions .menu a").evaluateAll((links) => links.map((link) => link.href));
-  assert.equal(downloads.length, 6);
+  let downloads = [];
+  await until("six files are offered", async () => {
+    downloads = await page.locator(".actions .menu a").evaluateAll((links) => links.map((link) => link.href));
+    return downloads.length === 6;
+  });
   for (const address of downloads) assert.equal((await fetch(address)).status, 200, address);
   await page.getByRole("button", { name: "Delete" }).click();
   await dialog.getByRole("button", { name: "Delete" }).click();
